@@ -1,0 +1,213 @@
+//! Point clouds as they were uploaded: parsed, bounded, row for row.
+
+mod error;
+pub mod reader;
+pub mod shapes;
+pub mod writer;
+
+pub use error::CloudError;
+
+/// Largest ambient dimension d of a cloud.
+pub const DIMENSION_MAX: usize = 8;
+
+/// The scalar types of PLY; remembered so that a field leaves as it came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ScalarType {
+    /// Signed 8-bit integer.
+    Int8,
+    /// Unsigned 8-bit integer.
+    Uint8,
+    /// Signed 16-bit integer.
+    Int16,
+    /// Unsigned 16-bit integer.
+    Uint16,
+    /// Signed 32-bit integer.
+    Int32,
+    /// Unsigned 32-bit integer.
+    Uint32,
+    /// IEEE 754 single precision.
+    Float32,
+    /// IEEE 754 double precision.
+    Float64,
+}
+
+/// A named per-point scalar of the upload, for example `intensity`, `red` or `nx`.
+///
+/// Values are kept as `f64`, in which every [`ScalarType`] is exact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScalarField {
+    /// Name as in the file.
+    pub name: String,
+    /// Type as in the file.
+    pub kind: ScalarType,
+    /// One value per point.
+    pub values: Vec<f64>,
+}
+
+/// What to do with a point that has a non-finite coordinate.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, utoipa::ToSchema,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum NonFinite {
+    /// Refuse the cloud and name the first such row.
+    #[default]
+    Reject,
+    /// Keep the row, without a result.
+    Drop,
+}
+
+/// A cloud of n points in `R^d`, row for row as uploaded.
+///
+/// Invariants: `1 ≤ d ≤ 8`, n ≥ 1, every field has n values, every face index is below n.
+/// Rows with a non-finite coordinate exist only when the caller chose [`NonFinite::Drop`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointCloud {
+    dimension: usize,
+    coordinates: Vec<f64>,
+    coordinate_type: ScalarType,
+    fields: Vec<ScalarField>,
+    faces: Vec<[u32; 3]>,
+    nonfinite: usize,
+}
+
+impl PointCloud {
+    /// A cloud from row-major coordinates, `n × dimension`, in the units of the upload.
+    ///
+    /// # Errors
+    /// [`CloudError`] when there is no point, the dimension is out of range, or a coordinate is not finite
+    /// and `policy` is [`NonFinite::Reject`].
+    pub fn new(dimension: usize, coordinates: Vec<f64>, policy: NonFinite) -> Result<Self, CloudError> {
+        if !(1..=DIMENSION_MAX).contains(&dimension) {
+            return Err(CloudError::Dimension { dimension });
+        }
+        if coordinates.is_empty() {
+            return Err(CloudError::Empty);
+        }
+        if !coordinates.len().is_multiple_of(dimension) {
+            return Err(CloudError::Ragged { values: coordinates.len(), dimension });
+        }
+        let mut nonfinite = 0;
+        for (row, point) in coordinates.chunks_exact(dimension).enumerate() {
+            if point.iter().any(|x| !x.is_finite()) {
+                if policy == NonFinite::Reject {
+                    return Err(CloudError::NonFinite { row });
+                }
+                nonfinite += 1;
+            }
+        }
+        Ok(Self {
+            dimension,
+            coordinates,
+            coordinate_type: ScalarType::Float64,
+            fields: Vec::new(),
+            faces: Vec::new(),
+            nonfinite,
+        })
+    }
+
+    /// Remembers the type that the coordinates had in the file.
+    #[must_use]
+    pub fn with_coordinate_type(mut self, kind: ScalarType) -> Self {
+        self.coordinate_type = kind;
+        self
+    }
+
+    /// Adds per-point scalars.
+    ///
+    /// # Errors
+    /// [`CloudError::FieldLength`] unless every field has one value per point.
+    pub fn with_fields(mut self, fields: Vec<ScalarField>) -> Result<Self, CloudError> {
+        for field in &fields {
+            if field.values.len() != self.len() {
+                return Err(CloudError::FieldLength {
+                    name: field.name.clone(),
+                    values: field.values.len(),
+                    points: self.len(),
+                });
+            }
+        }
+        self.fields = fields;
+        Ok(self)
+    }
+
+    /// Adds triangles, as point indices from 0.
+    ///
+    /// # Errors
+    /// [`CloudError::FaceIndex`] when an index is not below the number of points.
+    pub fn with_faces(mut self, faces: Vec<[u32; 3]>) -> Result<Self, CloudError> {
+        for (face, corners) in faces.iter().enumerate() {
+            if let Some(&index) = corners.iter().find(|&&i| i as usize >= self.len()) {
+                return Err(CloudError::FaceIndex { face, index, points: self.len() });
+            }
+        }
+        self.faces = faces;
+        Ok(self)
+    }
+
+    /// Number of rows n.
+    #[must_use]
+    #[allow(clippy::len_without_is_empty)] // a cloud is never empty
+    pub fn len(&self) -> usize {
+        self.coordinates.len() / self.dimension
+    }
+
+    /// Ambient dimension d.
+    #[must_use]
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// Row-major coordinates, `n × d`.
+    #[must_use]
+    pub fn coordinates(&self) -> &[f64] {
+        &self.coordinates
+    }
+
+    /// The d coordinates of row `i`.
+    #[must_use]
+    pub fn point(&self, i: usize) -> &[f64] {
+        &self.coordinates[i * self.dimension..(i + 1) * self.dimension]
+    }
+
+    /// Type of the coordinates in the file.
+    #[must_use]
+    pub fn coordinate_type(&self) -> ScalarType {
+        self.coordinate_type
+    }
+
+    /// The per-point scalars, in file order.
+    #[must_use]
+    pub fn fields(&self) -> &[ScalarField] {
+        &self.fields
+    }
+
+    /// Triangles as point indices from 0; empty when the upload had none.
+    #[must_use]
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// Number of rows with a non-finite coordinate.
+    #[must_use]
+    pub fn nonfinite(&self) -> usize {
+        self.nonfinite
+    }
+
+    /// Axis-aligned bounding box of the finite points, `(minimum, maximum)`; `None` when there are none.
+    #[must_use]
+    pub fn bounding_box(&self) -> Option<(Vec<f64>, Vec<f64>)> {
+        let mut finite =
+            self.coordinates.chunks_exact(self.dimension).filter(|p| p.iter().all(|x| x.is_finite()));
+        let first = finite.next()?;
+        let (mut low, mut high) = (first.to_vec(), first.to_vec());
+        for point in finite {
+            for (axis, &x) in point.iter().enumerate() {
+                low[axis] = low[axis].min(x);
+                high[axis] = high[axis].max(x);
+            }
+        }
+        Some((low, high))
+    }
+}

@@ -1,0 +1,1 @@
+//! Sample shapes with known geometry.

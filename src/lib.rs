@@ -1,0 +1,17 @@
+//! Spectral geometry for scanned surfaces: discrete Laplace–Beltrami operators of point clouds, their
+//! eigenbases (manifold harmonics), and a service that computes and serves them.
+//!
+//! The modules from [`harmonics`] down are a pure library; [`http`], [`jobs`], [`store`] and [`app`] are
+//! the service built on it. `ARCHITECTURE.md` has the map.
+
+pub mod analysis;
+pub mod app;
+pub mod cloud;
+pub mod geometry;
+pub mod harmonics;
+pub mod http;
+pub mod jobs;
+pub mod operator;
+pub mod progress;
+pub mod spectrum;
+pub mod store;

@@ -1,0 +1,184 @@
+//! Progress and cancellation of a computation, passed into the library by whoever runs it.
+//!
+//! The library knows no clock: an observer that wants seconds per phase takes the time in its callback.
+
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// What an analysis is doing, in the order in which the phases follow each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Phase {
+    /// Merging duplicates, recentring, ordering the points along a space-filling curve.
+    Preparation,
+    /// Nearest neighbours and tangent frames.
+    Neighborhoods,
+    /// Voronoi cells in the tangent planes.
+    Cells,
+    /// Entries of stiffness and mass.
+    Assembly,
+    /// Fill-reducing order and Cholesky factor.
+    Factorization,
+    /// Block iterations of the eigensolver.
+    Eigenpairs,
+    /// Residuals, orthogonality, missed-eigenvalue check.
+    Certificates,
+}
+
+impl Phase {
+    /// All phases in order.
+    pub const ALL: [Self; 7] = [
+        Self::Preparation,
+        Self::Neighborhoods,
+        Self::Cells,
+        Self::Assembly,
+        Self::Factorization,
+        Self::Eigenpairs,
+        Self::Certificates,
+    ];
+
+    /// Lowercase name, as the interface shows it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Preparation => "preparation",
+            Self::Neighborhoods => "neighborhoods",
+            Self::Cells => "cells",
+            Self::Assembly => "assembly",
+            Self::Factorization => "factorization",
+            Self::Eigenpairs => "eigenpairs",
+            Self::Certificates => "certificates",
+        }
+    }
+
+    /// Share of the whole at which the phase begins. From measured phase times of scans of 100k points.
+    fn begins_at(self) -> f64 {
+        match self {
+            Self::Preparation => 0.0,
+            Self::Neighborhoods => 0.02,
+            Self::Cells => 0.06,
+            Self::Assembly => 0.12,
+            Self::Factorization => 0.18,
+            Self::Eigenpairs => 0.25,
+            Self::Certificates => 0.95,
+        }
+    }
+
+    fn ends_at(self) -> f64 {
+        Self::ALL.get(self as usize + 1).map_or(1.0, |next| next.begins_at())
+    }
+}
+
+/// The caller canceled the computation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("canceled")]
+pub struct Canceled;
+
+/// Told of every phase as it begins.
+type Observer = Box<dyn Fn(Phase) + Send + Sync>;
+
+/// Shared between the computation, which moves it on, and an observer, which reads it and may cancel.
+#[derive(Default)]
+pub struct Progress {
+    phase: AtomicU8,
+    /// Bits of an `f64` in `0..=1`: bit patterns of non-negative floats order as the floats do.
+    fraction: AtomicU64,
+    canceled: AtomicBool,
+    observer: Option<Observer>,
+}
+
+impl Progress {
+    /// A progress at zero, not canceled.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Calls `observer` at the beginning of every phase, on the thread that computes.
+    #[must_use]
+    pub fn observed(observer: impl Fn(Phase) + Send + Sync + 'static) -> Self {
+        Self { observer: Some(Box::new(observer)), ..Self::default() }
+    }
+
+    /// Asks the computation to end at its next [`Self::checkpoint`].
+    pub fn cancel(&self) {
+        self.canceled.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether somebody called [`Self::cancel`].
+    #[must_use]
+    pub fn is_canceled(&self) -> bool {
+        self.canceled.load(Ordering::Relaxed)
+    }
+
+    /// Called in every loop of the computation.
+    ///
+    /// # Errors
+    /// [`Canceled`] once somebody called [`Self::cancel`].
+    pub fn checkpoint(&self) -> Result<(), Canceled> {
+        if self.is_canceled() { Err(Canceled) } else { Ok(()) }
+    }
+
+    /// Begins a phase.
+    ///
+    /// # Errors
+    /// [`Canceled`], as [`Self::checkpoint`].
+    pub fn enter(&self, phase: Phase) -> Result<(), Canceled> {
+        self.phase.store(phase as u8, Ordering::Relaxed);
+        self.advance(0.0)?;
+        if let Some(observer) = &self.observer {
+            observer(phase);
+        }
+        Ok(())
+    }
+
+    /// Reports the share of the current phase that is done, `0..=1`. The total never moves backwards.
+    ///
+    /// # Errors
+    /// [`Canceled`], as [`Self::checkpoint`].
+    pub fn advance(&self, share: f64) -> Result<(), Canceled> {
+        let phase = self.phase();
+        let total = phase.begins_at() + share.clamp(0.0, 1.0) * (phase.ends_at() - phase.begins_at());
+        self.fraction.fetch_max(total.to_bits(), Ordering::Relaxed);
+        self.checkpoint()
+    }
+
+    /// The current phase.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        Phase::ALL[self.phase.load(Ordering::Relaxed) as usize]
+    }
+
+    /// Share of the whole that is done, `0..=1`, never decreasing.
+    #[must_use]
+    pub fn fraction(&self) -> f64 {
+        f64::from_bits(self.fraction.load(Ordering::Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fraction_never_moves_backwards() {
+        let progress = Progress::new();
+        progress.enter(Phase::Eigenpairs).unwrap();
+        progress.advance(0.5).unwrap();
+        let half = progress.fraction();
+        progress.advance(0.2).unwrap();
+        assert!((progress.fraction() - half).abs() < f64::EPSILON);
+        progress.enter(Phase::Certificates).unwrap();
+        assert!(progress.fraction() > half);
+    }
+
+    #[test]
+    fn a_canceled_computation_ends_at_the_next_checkpoint() {
+        let progress = Progress::new();
+        assert_eq!(progress.checkpoint(), Ok(()));
+        progress.cancel();
+        assert_eq!(progress.advance(0.1), Err(Canceled));
+    }
+}
