@@ -1,1 +1,18 @@
-//! geometry
+//! Geometry of the sampled surface: neighbourhoods, tangent frames, Voronoi cells, sampling density.
+//!
+//! Everything here works on [`Points`]: finite, distinct, recentred, and ordered along a space-filling curve.
+
+pub mod cells;
+pub mod components;
+pub mod frames;
+pub mod neighborhoods;
+pub mod points;
+pub mod polygon;
+pub mod sampling;
+
+pub use cells::{Cells, cells};
+pub use components::{Components, components};
+pub use frames::{Frames, frames};
+pub use neighborhoods::{NearestNeighbors, SearchTree};
+pub use points::{GeometryError, Points};
+pub use sampling::Sampling;

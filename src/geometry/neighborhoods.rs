@@ -1,0 +1,157 @@
+//! Nearest-neighbour and ball queries.
+//!
+//! Ties are broken by (distance, index), so that an answer does not depend on the tree's layout.
+
+use std::num::NonZeroUsize;
+
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use rayon::prelude::*;
+
+use super::points::{GeometryError, Points};
+use crate::progress::Progress;
+
+/// Points handled between two looks at the progress.
+const BATCH: usize = 16_384;
+
+/// A k-d tree over [`Points`]; the ambient dimension is fixed at compile time inside.
+pub struct SearchTree(Tree);
+
+enum Tree {
+    D2(Box<ImmutableKdTree<f64, 2>>),
+    D3(Box<ImmutableKdTree<f64, 3>>),
+    D4(Box<ImmutableKdTree<f64, 4>>),
+    D5(Box<ImmutableKdTree<f64, 5>>),
+    D6(Box<ImmutableKdTree<f64, 6>>),
+    D7(Box<ImmutableKdTree<f64, 7>>),
+    D8(Box<ImmutableKdTree<f64, 8>>),
+}
+
+fn build<const D: usize>(points: &Points) -> Box<ImmutableKdTree<f64, D>> {
+    let (rows, _) = points.coordinates().as_chunks::<D>();
+    #[allow(clippy::expect_used)] // fails only for more points than u32 counts, which `Points` refuses
+    Box::new(ImmutableKdTree::new_from_slice(rows).expect("fewer than 2^32 points"))
+}
+
+fn nearest<const D: usize>(tree: &ImmutableKdTree<f64, D>, p: &[f64], count: NonZeroUsize, out: &mut Vec<Neighbor>) {
+    let Some(p) = p.first_chunk::<D>() else { return };
+    let found = tree.query(p).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+    out.extend(found.iter().map(|q| Neighbor { squared_distance: q.distance, index: q.item }));
+}
+
+fn within<const D: usize>(tree: &ImmutableKdTree<f64, D>, p: &[f64], squared_radius: f64, out: &mut Vec<Neighbor>) {
+    let Some(p) = p.first_chunk::<D>() else { return };
+    let found = tree.query(p).within::<SquaredEuclidean<f64>>(squared_radius).unsorted().execute();
+    out.extend(found.iter().map(|q| Neighbor { squared_distance: q.distance, index: q.item }));
+}
+
+/// A point near another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Neighbor {
+    /// Squared Euclidean distance.
+    pub squared_distance: f64,
+    /// Index of the point.
+    pub index: u32,
+}
+
+macro_rules! dispatch {
+    ($tree:expr, $call:ident ( $($argument:expr),* )) => {
+        match $tree {
+            Tree::D2(tree) => $call(tree, $($argument),*),
+            Tree::D3(tree) => $call(tree, $($argument),*),
+            Tree::D4(tree) => $call(tree, $($argument),*),
+            Tree::D5(tree) => $call(tree, $($argument),*),
+            Tree::D6(tree) => $call(tree, $($argument),*),
+            Tree::D7(tree) => $call(tree, $($argument),*),
+            Tree::D8(tree) => $call(tree, $($argument),*),
+        }
+    };
+}
+
+impl SearchTree {
+    /// Builds the tree; `points` must have 2 to 8 coordinates, as [`Points::prepare`] makes sure.
+    #[must_use]
+    pub fn new(points: &Points) -> Self {
+        Self(match points.dimension() {
+            2 => Tree::D2(build(points)),
+            3 => Tree::D3(build(points)),
+            4 => Tree::D4(build(points)),
+            5 => Tree::D5(build(points)),
+            6 => Tree::D6(build(points)),
+            7 => Tree::D7(build(points)),
+            _ => Tree::D8(build(points)),
+        })
+    }
+
+    /// The `count` points nearest to point `i`, itself left out, nearest first.
+    pub fn nearest(&self, points: &Points, i: usize, count: usize, out: &mut Vec<Neighbor>) {
+        out.clear();
+        // one more for the point itself
+        let wanted = NonZeroUsize::MIN.saturating_add(count.min(points.len() - 1));
+        dispatch!(&self.0, nearest(points.point(i), wanted, out));
+        finish(points, i, out);
+        out.truncate(count);
+    }
+
+    /// All points within `radius` of point `i`, itself left out, by index.
+    pub fn within(&self, points: &Points, i: usize, radius: f64, out: &mut Vec<Neighbor>) {
+        out.clear();
+        // a little wider, then cut by the distance that both ends of a pair compute alike
+        dispatch!(&self.0, within(points.point(i), radius * radius * (1.0 + 1e-12), out));
+        for q in out.iter_mut() {
+            q.squared_distance = points.squared_distance(i, q.index as usize);
+        }
+        out.retain(|q| q.index as usize != i && q.squared_distance <= radius * radius);
+        out.sort_unstable_by_key(|q| q.index);
+    }
+}
+
+fn finish(points: &Points, i: usize, out: &mut Vec<Neighbor>) {
+    out.retain(|q| q.index as usize != i);
+    for q in out.iter_mut() {
+        q.squared_distance = points.squared_distance(i, q.index as usize);
+    }
+    out.sort_unstable_by(|a, b| a.squared_distance.total_cmp(&b.squared_distance).then(a.index.cmp(&b.index)));
+}
+
+/// The same number of nearest neighbours for every point.
+#[derive(Debug, Clone)]
+pub struct NearestNeighbors {
+    count: usize,
+    indices: Vec<u32>,
+}
+
+impl NearestNeighbors {
+    /// Finds the `count` nearest neighbours of every point (fewer when there are not as many points).
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn find(tree: &SearchTree, points: &Points, count: usize, progress: &Progress) -> Result<Self, GeometryError> {
+        let count = count.min(points.len() - 1);
+        let mut indices = vec![0; points.len() * count];
+        let batches = points.len().div_ceil(BATCH);
+        for (batch, rows) in indices.chunks_mut(BATCH * count).enumerate() {
+            progress.advance(0.7 * batch as f64 / batches as f64)?;
+            rows.par_chunks_mut(256 * count).enumerate().for_each_init(Vec::new, |out, (block, rows)| {
+                for (row, slots) in rows.chunks_mut(count).enumerate() {
+                    tree.nearest(points, batch * BATCH + block * 256 + row, count, out);
+                    for (slot, neighbor) in slots.iter_mut().zip(out.iter()) {
+                        *slot = neighbor.index;
+                    }
+                }
+            });
+        }
+        Ok(Self { count, indices })
+    }
+
+    /// Neighbours of point `i`, nearest first.
+    #[must_use]
+    pub fn of(&self, i: usize) -> &[u32] {
+        &self.indices[i * self.count..(i + 1) * self.count]
+    }
+
+    /// Neighbours per point.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+}

@@ -1,0 +1,258 @@
+//! The points that an analysis computes on, and their way back to the rows of the upload.
+
+use rayon::prelude::*;
+
+use crate::cloud::PointCloud;
+use crate::progress::Canceled;
+
+/// Marks a row of the upload that carries no result.
+const NO_POINT: u32 = u32::MAX;
+
+/// Why points cannot carry a surface operator.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GeometryError {
+    /// Fewer distinct finite points than any operator needs.
+    #[error(
+        "{distinct} distinct finite points among {rows} rows; an analysis needs at least {needed}"
+    )]
+    TooFewPoints {
+        /// Distinct finite points.
+        distinct: usize,
+        /// Rows of the upload.
+        rows: usize,
+        /// The least number.
+        needed: usize,
+    },
+    /// The points span less than a surface.
+    #[error("all points lie on a line (to within rounding): a surface operator needs points that span a plane")]
+    Collinear,
+    /// More points than indices.
+    #[error("{rows} rows; at most {limit} are supported")]
+    TooManyPoints {
+        /// Rows of the upload.
+        rows: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// The coordinates' extent overflows or underflows double precision when squared.
+    #[error("the cloud's extent is {extent:e}; extents from 1e-100 to 1e100 are supported")]
+    Extent {
+        /// Longest side of the bounding box.
+        extent: f64,
+    },
+    /// Canceled by the caller.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+}
+
+/// Least number of distinct points: a tangent plane and one more.
+pub const POINTS_MIN: usize = 5;
+
+/// Finite, distinct points of `R^d`, recentred to the middle of their bounding box, in Morton order, so that
+/// neighbours in space are neighbours in memory.
+#[derive(Debug, Clone)]
+pub struct Points {
+    dimension: usize,
+    /// Row-major, `len × dimension`, in the upload's unit of length.
+    coordinates: Vec<f64>,
+    /// For every row of the upload the point that stands for it, or [`NO_POINT`].
+    point_of_row: Vec<u32>,
+    /// The row that is a point's first occurrence.
+    row_of_point: Vec<u32>,
+    duplicates: usize,
+}
+
+impl Points {
+    /// Selects, merges, recentres and orders the rows of a cloud. Exact repetitions of a position are merged.
+    ///
+    /// # Errors
+    /// [`GeometryError`] when fewer than [`POINTS_MIN`] distinct points are left or all lie on a line.
+    pub fn prepare(cloud: &PointCloud) -> Result<Self, GeometryError> {
+        let (rows, d) = (cloud.len(), cloud.dimension());
+        if rows >= NO_POINT as usize {
+            return Err(GeometryError::TooManyPoints { rows, limit: NO_POINT as usize - 1 });
+        }
+        let Some((low, high)) = cloud.bounding_box() else {
+            return Err(GeometryError::TooFewPoints { distinct: 0, rows, needed: POINTS_MIN });
+        };
+        let centre: Vec<f64> = low.iter().zip(&high).map(|(l, h)| l + 0.5 * (h - l)).collect();
+        let extent = low.iter().zip(&high).map(|(l, h)| h - l).fold(0.0, f64::max);
+        if extent != 0.0 && !(1e-100..=1e100).contains(&extent) {
+            return Err(GeometryError::Extent { extent });
+        }
+
+        // + 0.0 turns -0 into 0, so that equal positions are equal in the total order too
+        let centred = |row: usize, axis: usize| cloud.point(row)[axis] - centre[axis] + 0.0;
+        let mut order: Vec<(u64, u32)> = (0..rows)
+            .into_par_iter()
+            .filter(|&row| cloud.point(row).iter().all(|x| x.is_finite()))
+            .map(|row| (morton_key((0..d).map(|axis| centred(row, axis)), extent, d), row as u32))
+            .collect();
+        let position = |row: u32| (0..d).map(move |axis| centred(row as usize, axis));
+        order.par_sort_unstable_by(|&(key_a, a), &(key_b, b)| {
+            key_a
+                .cmp(&key_b)
+                .then_with(|| {
+                    position(a).zip(position(b)).fold(std::cmp::Ordering::Equal, |o, (x, y)| o.then(x.total_cmp(&y)))
+                })
+                .then(a.cmp(&b))
+        });
+
+        let mut coordinates = Vec::with_capacity(order.len() * d);
+        let mut point_of_row = vec![NO_POINT; rows];
+        let mut row_of_point: Vec<u32> = Vec::with_capacity(order.len());
+        for &(_, row) in &order {
+            let repeated = row_of_point.last().is_some_and(|&previous| position(previous).eq(position(row)));
+            if !repeated {
+                row_of_point.push(row);
+                coordinates.extend(position(row));
+            }
+            point_of_row[row as usize] = row_of_point.len() as u32 - 1;
+        }
+        let duplicates = order.len() - row_of_point.len();
+        let points = Self { dimension: d, coordinates, point_of_row, row_of_point, duplicates };
+        if points.len() < POINTS_MIN {
+            return Err(GeometryError::TooFewPoints { distinct: points.len(), rows, needed: POINTS_MIN });
+        }
+        if d < 2 || points.are_collinear() {
+            return Err(GeometryError::Collinear);
+        }
+        Ok(points)
+    }
+
+    /// Whether no point is farther from the line of largest extent than rounding explains.
+    fn are_collinear(&self) -> bool {
+        let origin = self.point(0);
+        let far = (0..self.len()).max_by(|&i, &j| {
+            squared_distance(self.point(i), origin).total_cmp(&squared_distance(self.point(j), origin))
+        });
+        let direction: Vec<f64> = far.map_or_else(Vec::new, |i| difference(self.point(i), origin).collect());
+        let length_squared: f64 = direction.iter().map(|x| x * x).sum();
+        // single-precision files carry relative coordinate errors of 6e-8
+        let tolerance = 1e-12 * length_squared;
+        (0..self.len()).all(|i| {
+            let offset: Vec<f64> = difference(self.point(i), origin).collect();
+            let along: f64 = offset.iter().zip(&direction).map(|(a, b)| a * b).sum();
+            let squared: f64 = offset.iter().map(|x| x * x).sum();
+            squared - along * along / length_squared <= tolerance
+        })
+    }
+
+    /// Number of points n.
+    #[must_use]
+    #[allow(clippy::len_without_is_empty)] // never empty
+    pub fn len(&self) -> usize {
+        self.row_of_point.len()
+    }
+
+    /// Ambient dimension d.
+    #[must_use]
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// Coordinates of point `i`, recentred.
+    #[must_use]
+    pub fn point(&self, i: usize) -> &[f64] {
+        &self.coordinates[i * self.dimension..(i + 1) * self.dimension]
+    }
+
+    /// Row-major coordinates, `n × d`.
+    #[must_use]
+    pub fn coordinates(&self) -> &[f64] {
+        &self.coordinates
+    }
+
+    /// Squared Euclidean distance; the same bits for `(i, j)` and `(j, i)`.
+    #[must_use]
+    pub fn squared_distance(&self, i: usize, j: usize) -> f64 {
+        squared_distance(self.point(i), self.point(j))
+    }
+
+    /// Rows of the upload that repeat an earlier position.
+    #[must_use]
+    pub fn duplicates(&self) -> usize {
+        self.duplicates
+    }
+
+    /// The point that stands for a row, if it has one.
+    #[must_use]
+    pub fn of_row(&self, row: usize) -> Option<usize> {
+        let point = self.point_of_row[row];
+        (point != NO_POINT).then_some(point as usize)
+    }
+
+    /// The row of the upload where point `i` occurs first.
+    #[must_use]
+    pub fn row(&self, i: usize) -> usize {
+        self.row_of_point[i] as usize
+    }
+
+    /// Number of rows of the upload.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.point_of_row.len()
+    }
+}
+
+/// Squared Euclidean distance.
+fn squared_distance(p: &[f64], q: &[f64]) -> f64 {
+    difference(p, q).map(|x| x * x).sum()
+}
+
+fn difference<'a>(p: &'a [f64], q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    p.iter().zip(q).map(|(a, b)| a - b)
+}
+
+/// Interleaves the leading `63 / d` bits of the coordinates' places in the bounding cube, most significant first.
+fn morton_key(coordinates: impl Iterator<Item = f64>, extent: f64, d: usize) -> u64 {
+    let bits = 63 / d;
+    let cells = (1_u64 << bits) as f64;
+    let mut key = 0;
+    for (axis, x) in coordinates.enumerate() {
+        let place = if extent > 0.0 { x / extent + 0.5 } else { 0.0 };
+        let cell = ((place * cells) as u64).min((1 << bits) - 1);
+        for bit in 0..bits {
+            key |= (cell >> bit & 1) << (bit * d + axis);
+        }
+    }
+    key
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::NonFinite;
+
+    fn cloud(coordinates: Vec<f64>) -> PointCloud {
+        PointCloud::new(3, coordinates, NonFinite::Drop).unwrap()
+    }
+
+    #[test]
+    fn duplicates_share_the_first_occurrence_and_nonfinite_rows_have_no_point() {
+        let points = Points::prepare(&cloud(vec![
+            0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0,
+            0.0,
+        ]))
+        .unwrap();
+        assert_eq!(points.len(), 5);
+        assert_eq!(points.duplicates(), 1);
+        assert_eq!(points.of_row(3), points.of_row(0));
+        assert_eq!(points.row(points.of_row(3).unwrap()), 0);
+        assert_eq!(points.of_row(4), None);
+    }
+
+    #[test]
+    fn points_on_a_line_are_refused_and_a_slightly_bent_line_is_not() {
+        let line: Vec<f64> = (0..20).flat_map(|i| [f64::from(i), 2.0 * f64::from(i), 1e6]).collect();
+        assert_eq!(Points::prepare(&cloud(line)).unwrap_err(), GeometryError::Collinear);
+        let bent: Vec<f64> = (0..20).flat_map(|i| [f64::from(i), 1e-3 * f64::from(i * i), 1e6]).collect();
+        assert!(Points::prepare(&cloud(bent)).is_ok());
+    }
+
+    #[test]
+    fn too_few_distinct_points_are_refused_with_their_number() {
+        let error = Points::prepare(&cloud([1.0, 2.0, 3.0].repeat(100))).unwrap_err();
+        assert_eq!(error, GeometryError::TooFewPoints { distinct: 1, rows: 100, needed: POINTS_MIN });
+    }
+}

@@ -1,0 +1,65 @@
+//! How densely and how evenly the surface is sampled.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::cells::{CellKind, Cells};
+use super::neighborhoods::NearestNeighbors;
+use super::points::Points;
+
+/// Measures of the sampling, in the cloud's unit of length.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Sampling {
+    /// Covering radius ε [PBMHB Definition 3.1]: the 99 % quantile of the cells' radii.
+    pub epsilon: f64,
+    /// Smallest distance of two points ζ.
+    pub zeta: f64,
+    /// Mean spacing h, the root of the mean cell area.
+    pub spacing: f64,
+    /// Ratio of the 99 % to the 1 % quantile of cell areas: how much denser the densest parts are.
+    pub density_ratio: f64,
+    /// Total area of the cells, in length².
+    pub area: f64,
+    /// Cells open to a rim, measured inside the local triangulation.
+    pub rim_cells: usize,
+    /// Cells that could not be measured; their area is the mean of the others.
+    pub invalid_cells: usize,
+}
+
+impl Sampling {
+    /// Takes the measures; [PBMHB] gives no estimator of ε, the quantile is ours.
+    #[must_use]
+    pub fn measure(points: &Points, nearest: &NearestNeighbors, cells: &Cells) -> Self {
+        let valid = |i: &usize| cells.kind[*i] != CellKind::Invalid;
+        let closed = |i: &usize| cells.kind[*i] == CellKind::Closed;
+        let n = points.len();
+        let mut radii: Vec<f64> = (0..n).filter(closed).map(|i| cells.radius[i]).collect();
+        if radii.is_empty() {
+            radii = (0..n).filter(valid).map(|i| cells.radius[i]).collect();
+        }
+        let mut areas: Vec<f64> = (0..n).filter(valid).map(|i| cells.area[i]).collect();
+        let squared_nearest = |i: usize| points.squared_distance(i, nearest.of(i)[0] as usize);
+        let zeta = (0..n).map(squared_nearest).fold(f64::INFINITY, f64::min).sqrt();
+        let area: f64 = cells.area.iter().sum();
+        let spacing = (area / n as f64).sqrt();
+        let (sparse, dense) = (quantile(&mut areas, 0.99), quantile(&mut areas, 0.01));
+        Self {
+            epsilon: quantile(&mut radii, 0.99).unwrap_or(spacing),
+            zeta,
+            spacing,
+            density_ratio: sparse.zip(dense).map_or(1.0, |(sparse, dense)| sparse / dense),
+            area,
+            rim_cells: cells.count(CellKind::Rim),
+            invalid_cells: cells.count(CellKind::Invalid),
+        }
+    }
+}
+
+/// The value below which a share `q` of the values lies.
+fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let place = ((values.len() - 1) as f64 * q).round() as usize;
+    Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
+}

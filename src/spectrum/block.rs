@@ -1,0 +1,242 @@
+//! Tall blocks of vectors and the products that the eigensolvers are made of.
+//!
+//! A block is row-major, so that a sparse row times a block reads whole cache lines. All sums run over a fixed
+//! partition of the rows and are added in its order: the bits do not depend on the number of threads.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+use rayon::prelude::*;
+
+use crate::operator::SymmetricSparse;
+
+/// Rows of one dense product: with 300 columns a chunk stays in the second-level cache.
+const CHUNK_ROWS: usize = 512;
+
+/// Partial sums of a Gram matrix; a fixed number, so that the result is independent of the threads.
+const PARTIAL_SUMS: usize = 16;
+
+/// `rows × columns` numbers, row-major, in a buffer `width ≥ columns` wide.
+#[derive(Debug, Clone)]
+pub struct Block {
+    rows: usize,
+    width: usize,
+    columns: usize,
+    values: Vec<f64>,
+}
+
+impl Block {
+    /// A block of zeros with room for `width` columns, all in use.
+    #[must_use]
+    pub fn zeros(rows: usize, width: usize) -> Self {
+        Self { rows, width, columns: width, values: vec![0.0; rows * width] }
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Number of columns in use.
+    #[must_use]
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Uses the first `columns` columns; those that come into use keep what the buffer holds.
+    pub fn set_columns(&mut self, columns: usize) {
+        assert!(columns <= self.width, "a block of width {} cannot hold {columns} columns", self.width);
+        self.columns = columns;
+    }
+
+    /// Columns in use of row `i`.
+    #[must_use]
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.values[i * self.width..i * self.width + self.columns]
+    }
+
+    /// Column `j` as a vector.
+    #[must_use]
+    pub fn column(&self, j: usize) -> Vec<f64> {
+        (0..self.rows).map(|i| self.row(i)[j]).collect()
+    }
+
+    /// Changes every row in place, in parallel.
+    pub fn for_each_row(&mut self, change: impl Fn(usize, &mut [f64]) + Sync + Send) {
+        let (width, columns) = (self.width, self.columns);
+        self.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
+            for (k, row) in rows.chunks_mut(width).enumerate() {
+                change(chunk * CHUNK_ROWS + k, &mut row[..columns]);
+            }
+        });
+    }
+
+    /// Copies `count` columns of `source` from its column `from` to columns `to ..` of this block.
+    pub fn copy_columns(&mut self, to: usize, source: &Self, from: usize, count: usize) {
+        let width = self.width;
+        self.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
+            for (k, row) in rows.chunks_mut(width).enumerate() {
+                row[to..to + count].copy_from_slice(&source.row(chunk * CHUNK_ROWS + k)[from..from + count]);
+            }
+        });
+    }
+
+    fn chunk(&self, rows: std::ops::Range<usize>) -> MatRef<'_, f64> {
+        let values = &self.values[rows.start * self.width..];
+        MatRef::from_row_major_slice_with_stride(values_for(values, rows.len(), self.width, self.columns), rows.len(), self.columns, self.width)
+    }
+}
+
+/// The prefix of a row-major buffer that holds `rows` rows: the last row ends with its last column.
+fn values_for(values: &[f64], rows: usize, width: usize, columns: usize) -> &[f64] {
+    &values[..(rows - 1) * width + columns]
+}
+
+/// `AᵀB`, `a.columns × b.columns`.
+#[must_use]
+pub fn gram(a: &Block, b: &Block) -> Mat<f64> {
+    let n = a.rows;
+    let share = n.div_ceil(PARTIAL_SUMS).max(CHUNK_ROWS);
+    let starts: Vec<usize> = (0..n).step_by(share).collect();
+    let partial: Vec<Mat<f64>> = starts
+        .into_par_iter()
+        .map(|start| {
+            let mut sum = Mat::zeros(a.columns, b.columns);
+            let end = n.min(start + share);
+            for first in (start..end).step_by(CHUNK_ROWS) {
+                let rows = first..end.min(first + CHUNK_ROWS);
+                let (left, right) = (a.chunk(rows.clone()), b.chunk(rows));
+                matmul(&mut sum, Accum::Add, left.transpose(), right, 1.0, Par::Seq);
+            }
+            sum
+        })
+        .collect();
+    let mut total = Mat::zeros(a.columns, b.columns);
+    for sum in partial {
+        total += sum;
+    }
+    total
+}
+
+/// `C += scale · A M` for a small matrix `M`, `a.columns × c.columns`.
+pub fn add_product(c: &mut Block, scale: f64, a: &Block, m: MatRef<'_, f64>) {
+    let (width, columns) = (c.width, c.columns);
+    c.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, values)| {
+        let rows = values.len() / width;
+        let first = chunk * CHUNK_ROWS;
+        let length = (rows - 1) * width + columns;
+        // faer 0.24's own constructor of a mutable row-major view swaps the strides
+        let target =
+            MatMut::from_column_major_slice_with_stride_mut(&mut values[..length], columns, rows, width).transpose_mut();
+        matmul(target, Accum::Add, a.chunk(first..first + rows), m, scale, Par::Seq);
+    });
+}
+
+/// `A ← A M` in place for `M` with at most as many columns as rows; the block then has `M`'s columns.
+pub fn replace_by_product(a: &mut Block, m: MatRef<'_, f64>) {
+    let (width, columns) = (a.width, a.columns);
+    a.values.par_chunks_mut(width * CHUNK_ROWS).for_each_init(
+        || Mat::<f64>::zeros(CHUNK_ROWS, m.ncols()),
+        |product, values| {
+            let rows = values.len() / width;
+            let length = (rows - 1) * width + columns;
+            let source = MatRef::from_row_major_slice_with_stride(&values[..length], rows, columns, width);
+            let mut target = product.as_mut().subrows_mut(0, rows);
+            matmul(target.as_mut(), Accum::Replace, source, m, 1.0, Par::Seq);
+            for (k, row) in values.chunks_mut(width).enumerate() {
+                for (j, value) in row[..m.ncols()].iter_mut().enumerate() {
+                    *value = target[(k, j)];
+                }
+            }
+        },
+    );
+    a.set_columns(m.ncols());
+}
+
+/// `Y = A X` for a sparse symmetric `A`; `Y` takes `X`'s number of columns.
+pub fn sparse_product(y: &mut Block, a: &SymmetricSparse, x: &Block) {
+    y.set_columns(x.columns);
+    let (width, columns) = (y.width, y.columns);
+    y.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
+        for (k, out) in rows.chunks_mut(width).enumerate() {
+            let out = &mut out[..columns];
+            out.fill(0.0);
+            let (entries, values) = a.row(chunk * CHUNK_ROWS + k);
+            for (&j, &value) in entries.iter().zip(values) {
+                for (y, x) in out.iter_mut().zip(x.row(j as usize)) {
+                    *y += value * x;
+                }
+            }
+        }
+    });
+}
+
+/// Euclidean norms of the columns.
+#[must_use]
+pub fn column_norms(a: &Block) -> Vec<f64> {
+    let share = a.rows.div_ceil(PARTIAL_SUMS).max(CHUNK_ROWS);
+    let starts: Vec<usize> = (0..a.rows).step_by(share).collect();
+    let partial: Vec<Vec<f64>> = starts
+        .into_par_iter()
+        .map(|start| {
+            let mut sums = vec![0.0; a.columns];
+            for i in start..a.rows.min(start + share) {
+                for (sum, x) in sums.iter_mut().zip(a.row(i)) {
+                    *sum += x * x;
+                }
+            }
+            sums
+        })
+        .collect();
+    let mut total = vec![0.0; a.columns];
+    for sums in partial {
+        for (t, s) in total.iter_mut().zip(sums) {
+            *t += s;
+        }
+    }
+    total.into_iter().map(f64::sqrt).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block(rows: usize, columns: usize) -> Block {
+        let mut block = Block::zeros(rows, columns);
+        block.for_each_row(|i, row| {
+            for (j, x) in row.iter_mut().enumerate() {
+                *x = ((i * 31 + j * 17 + 7) % 101) as f64 / 50.0 - 1.0;
+            }
+        });
+        block
+    }
+
+    #[test]
+    fn the_gram_matrix_has_the_same_bits_on_one_thread_and_on_three() {
+        let (a, b) = (block(20_011, 7), block(20_011, 5));
+        let on = |threads| {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| gram(&a, &b))
+        };
+        let (one, three) = (on(1), on(3));
+        assert_eq!(one, three);
+        let expected: f64 = (0..a.rows()).map(|i| a.row(i)[3] * b.row(i)[2]).sum();
+        assert!((one[(3, 2)] - expected).abs() < 1e-9 * expected.abs().max(1.0));
+    }
+
+    #[test]
+    fn products_agree_with_their_definition() {
+        let a = block(1_300, 4);
+        let m = Mat::from_fn(4, 2, |i, j| (i + 2 * j) as f64 - 1.5);
+        let mut c = Block::zeros(1_300, 2);
+        add_product(&mut c, 2.0, &a, m.as_ref());
+        let mut replaced = a.clone();
+        replace_by_product(&mut replaced, m.as_ref());
+        for i in [0, 511, 512, 1_299] {
+            for j in 0..2 {
+                let expected: f64 = (0..4).map(|k| a.row(i)[k] * m[(k, j)]).sum();
+                assert!((replaced.row(i)[j] - expected).abs() < 1e-14);
+                assert!((c.row(i)[j] - 2.0 * expected).abs() < 1e-14);
+            }
+        }
+    }
+}

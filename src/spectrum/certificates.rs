@@ -1,0 +1,100 @@
+//! What is checked about returned eigenpairs, from the pairs themselves.
+
+use faer::Mat;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::block::{Block, column_norms, gram, sparse_product};
+use super::{Eigenpairs, Problem};
+
+/// Relative gap below which eigenvectors are an arbitrary basis of a common space.
+const CLUSTER_GAP: f64 = 1e-6;
+
+/// Columns whose residuals are computed together.
+const COLUMNS: usize = 32;
+
+/// How it was checked that no eigenvalue was missed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum MissedCheck {
+    /// All eigenvalues were computed.
+    Dense,
+    /// The inertia of `S − sB` at a gap `s` above the last pair counts all eigenvalues below it.
+    Inertia,
+    /// A random block orthogonal to the found space was driven towards small eigenvalues.
+    Probe,
+    /// The check itself could not be made.
+    None,
+}
+
+/// How far the eigenpairs can be trusted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Certificates {
+    /// `max |HᵀBH − I|`.
+    pub orthogonality: f64,
+    /// Largest relative residual.
+    pub residual: f64,
+    /// Zero eigenvalues returned.
+    pub zero_modes: usize,
+    /// Eigenvalues below the last one that are not among those returned; absent when that could not be checked.
+    pub missed: Option<usize>,
+    /// How that was checked.
+    pub missed_check: MissedCheck,
+    /// Largest tμ of a heat-kernel operator: towards 1 the eigenvalues carry no information. Absent for others.
+    pub saturation: Option<f64>,
+}
+
+/// `‖A y − μ y‖ / (μ + σ)` of every pair.
+#[must_use]
+pub fn residuals(problem: &Problem, pairs: &Eigenpairs) -> Vec<f64> {
+    let mut all = Vec::with_capacity(pairs.values.len());
+    let mut some = Block::zeros(problem.size(), COLUMNS);
+    let mut product = Block::zeros(problem.size(), COLUMNS);
+    for first in (0..pairs.values.len()).step_by(COLUMNS) {
+        let count = COLUMNS.min(pairs.values.len() - first);
+        some.set_columns(count);
+        some.copy_columns(0, &pairs.vectors, first, count);
+        sparse_product(&mut product, &problem.matrix, &some);
+        let values = &pairs.values[first..first + count];
+        product.for_each_row(|i, row| {
+            for ((r, x), value) in row.iter_mut().zip(some.row(i)).zip(values) {
+                *r -= value * x;
+            }
+        });
+        all.extend(column_norms(&product).iter().zip(values).map(|(norm, value)| norm / (value + problem.shift)));
+    }
+    all
+}
+
+/// `max |YᵀY − I|`.
+#[must_use]
+pub fn orthogonality(pairs: &Eigenpairs) -> f64 {
+    let columns = pairs.vectors.columns();
+    (gram(&pairs.vectors, &pairs.vectors) - Mat::<f64>::identity(columns, columns)).norm_max()
+}
+
+/// Ranges `[first, last]` of consecutive values closer than [`CLUSTER_GAP`], relative to value plus `shift`.
+#[must_use]
+pub fn clusters(values: &[f64], shift: f64) -> Vec<[usize; 2]> {
+    let mut found: Vec<[usize; 2]> = Vec::new();
+    for (i, pair) in values.windows(2).enumerate() {
+        if pair[1] - pair[0] <= CLUSTER_GAP * (pair[1].abs() + shift) {
+            match found.last_mut() {
+                Some(last) if last[1] == i => last[1] = i + 1,
+                _ => found.push([i, i + 1]),
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn close_values_form_clusters_and_a_gap_ends_them() {
+        assert_eq!(clusters(&[0.0, 0.0, 2.0, 2.000_000_1, 2.000_000_2, 6.0], 0.3), [[0, 1], [2, 4]]);
+        assert!(clusters(&[0.0, 1.0, 2.0], 0.3).is_empty());
+    }
+}

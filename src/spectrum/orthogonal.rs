@@ -1,0 +1,111 @@
+//! Orthonormal bases of blocks.
+
+use faer::{Mat, MatRef, Side};
+
+use super::SpectrumError;
+use super::block::{Block, add_product, gram, replace_by_product};
+
+/// Directions whose squared length is below this share of the largest are rounding noise.
+const RANK_TOLERANCE: f64 = 1e-13;
+
+/// Eigenvalues, ascending, and eigenvectors of a small symmetric matrix (its lower triangle).
+///
+/// # Errors
+/// [`SpectrumError::Dense`].
+pub fn eigen(matrix: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>), SpectrumError> {
+    let order = matrix.nrows();
+    let eigen = matrix.self_adjoint_eigen(Side::Lower).map_err(|_| SpectrumError::Dense { order })?;
+    let values = eigen.S().column_vector().iter().copied().collect();
+    Ok((values, eigen.U().to_owned()))
+}
+
+/// `M` and `R` with `(W M)ᵀ(W M) = I` and `W = (W M) R`, up to directions of no length, from `WᵀW`
+/// (SVQB, Stathopoulos and Wu 2002).
+fn normalizer(gram: MatRef<'_, f64>) -> Result<(Mat<f64>, Mat<f64>), SpectrumError> {
+    let columns = gram.nrows();
+    let lengths: Vec<f64> = (0..columns).map(|j| gram[(j, j)].max(0.0).sqrt()).collect();
+    let inverse: Vec<f64> = lengths.iter().map(|&l| if l > 0.0 { 1.0 / l } else { 0.0 }).collect();
+    let scaled = Mat::from_fn(columns, columns, |i, j| gram[(i, j)] * inverse[i] * inverse[j]);
+    let (values, vectors) = eigen(scaled.as_ref())?;
+    let largest = values.last().copied().unwrap_or(0.0);
+    let kept: Vec<usize> =
+        (0..columns).rev().filter(|&k| values[k] > RANK_TOLERANCE * largest && values[k] > 0.0).collect();
+    let m = Mat::from_fn(columns, kept.len(), |i, k| inverse[i] * vectors[(i, kept[k])] / values[kept[k]].sqrt());
+    let r = Mat::from_fn(kept.len(), columns, |k, j| values[kept[k]].sqrt() * vectors[(j, kept[k])] * lengths[j]);
+    Ok((m, r))
+}
+
+/// What [`orthonormalize`] took out of a block: `W = V H + W' R`.
+pub struct Taken {
+    /// `H`, `v.columns × w.columns`.
+    pub along: Mat<f64>,
+    /// `R`, `w'.columns × w.columns`.
+    pub rest: Mat<f64>,
+}
+
+/// Makes `w` orthonormal, and orthogonal to the orthonormal columns of `v`; columns that depend on the others are
+/// dropped. Block Gram–Schmidt, twice.
+///
+/// # Errors
+/// [`SpectrumError::Dense`].
+pub fn orthonormalize(w: &mut Block, v: &Block) -> Result<Taken, SpectrumError> {
+    let mut along = Mat::zeros(v.columns(), w.columns());
+    let mut rest = Mat::identity(w.columns(), w.columns());
+    for _ in 0..2 {
+        if v.columns() > 0 {
+            let h = gram(v, w);
+            add_product(w, -1.0, v, h.as_ref());
+            along += &h * &rest;
+        }
+        let (m, r) = normalizer(gram(w, w).as_ref())?;
+        if m.ncols() == 0 {
+            w.set_columns(0);
+            return Ok(Taken { along, rest: Mat::zeros(0, rest.ncols()) });
+        }
+        replace_by_product(w, m.as_ref());
+        rest = r * rest;
+    }
+    Ok(Taken { along, rest })
+}
+
+/// Makes the columns of a small matrix orthonormal and orthogonal to the orthonormal columns of `v`.
+///
+/// # Errors
+/// [`SpectrumError::Dense`].
+pub fn orthonormalize_small(mut w: Mat<f64>, v: MatRef<'_, f64>) -> Result<Mat<f64>, SpectrumError> {
+    for _ in 0..2 {
+        w = &w - v * (v.transpose() * &w);
+        let (m, _) = normalizer((w.transpose() * &w).as_ref())?;
+        w = w * m;
+    }
+    Ok(w)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectrum::start;
+
+    #[test]
+    fn dependent_columns_are_dropped_and_the_rest_is_orthonormal_and_complete() {
+        let mut v = Block::zeros(3_000, 3);
+        start::fill(&mut v, 0);
+        orthonormalize(&mut v, &Block::zeros(3_000, 0)).unwrap();
+        let mut w = Block::zeros(3_000, 4);
+        start::fill(&mut w, 10);
+        w.for_each_row(|_, row| row[3] = row[0] + 2.0 * row[1]);
+        let before = w.clone();
+        let taken = orthonormalize(&mut w, &v).unwrap();
+        assert_eq!(w.columns(), 3);
+        let defect = gram(&w, &w) - Mat::<f64>::identity(3, 3);
+        assert!(defect.norm_max() < 1e-14);
+        assert!(gram(&v, &w).norm_max() < 1e-14);
+        for i in [0, 1_234, 2_999] {
+            for j in 0..4 {
+                let along: f64 = (0..3).map(|k| v.row(i)[k] * taken.along[(k, j)]).sum();
+                let rest: f64 = (0..3).map(|k| w.row(i)[k] * taken.rest[(k, j)]).sum();
+                assert!((along + rest - before.row(i)[j]).abs() < 1e-10);
+            }
+        }
+    }
+}

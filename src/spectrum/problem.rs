@@ -1,0 +1,125 @@
+//! The eigenproblem in the form that the solvers work on.
+
+use rayon::prelude::*;
+
+use super::block::Block;
+use crate::geometry::{Components, components};
+use crate::operator::{LaplaceBeltrami, SymmetricSparse};
+
+/// Rows summed by one task; fixed, so that sums repeat bit for bit.
+const ROWS_PER_TASK: usize = 8_192;
+
+/// Share of the first non-zero eigenvalue scale `4π/area` that is taken as the shift σ.
+const SHIFT: f64 = 0.3;
+
+/// `A = B^-½ S B^-½` with its known null space: one vector `B^½ 1` per connected component.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// `A`, symmetric positive semi-definite, in 1/length².
+    pub matrix: SymmetricSparse,
+    /// Roots of the masses.
+    pub root_mass: Vec<f64>,
+    /// Connected components of the operator's graph.
+    pub components: Components,
+    /// σ > 0 in 1/length²: keeps shifted matrices away from the null space.
+    pub shift: f64,
+    /// `‖B^½ 1‖` on every component.
+    null_norms: Vec<f64>,
+}
+
+impl Problem {
+    /// Scales the stiffness of an operator.
+    #[must_use]
+    pub fn new(laplacian: LaplaceBeltrami) -> Self {
+        let LaplaceBeltrami { stiffness: mut matrix, mass, .. } = laplacian;
+        let found = components(matrix.rows(), |i| matrix.neighbors(i));
+        let mut area = vec![0.0; found.size.len()];
+        for (&label, m) in found.label.iter().zip(&mass) {
+            area[label as usize] += m;
+        }
+        let root_mass: Vec<f64> = mass.iter().map(|m| m.sqrt()).collect();
+        let inverse: Vec<f64> = root_mass.iter().map(|m| 1.0 / m).collect();
+        matrix.scale_both_sides(&inverse);
+        // Weyl's law gives the first eigenvalues of a closed surface the size of 4π/area
+        let shift = SHIFT * 4.0 * std::f64::consts::PI / area.iter().sum::<f64>();
+        let null_norms = area.iter().map(|a| a.sqrt()).collect();
+        Self { matrix, root_mass, components: found, shift, null_norms }
+    }
+
+    /// The problem of another operator with the same masses and null space.
+    #[must_use]
+    pub fn with_matrix(&self, matrix: SymmetricSparse) -> Self {
+        Self {
+            matrix,
+            root_mass: self.root_mass.clone(),
+            components: self.components.clone(),
+            shift: self.shift,
+            null_norms: self.null_norms.clone(),
+        }
+    }
+
+    /// Number of points n.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        self.root_mass.len()
+    }
+
+    /// Number of zero eigenvalues.
+    #[must_use]
+    pub fn zero_modes(&self) -> usize {
+        self.null_norms.len()
+    }
+
+    /// Entry of the null vector of a point's component, which has norm 1.
+    fn null_entry(&self, i: usize) -> f64 {
+        self.root_mass[i] / self.null_norms[self.components.label[i] as usize]
+    }
+
+    /// Writes the null vectors of components `0 .. count` into the first columns of `block`.
+    pub fn write_null_vectors(&self, block: &mut Block, count: usize) {
+        block.for_each_row(|i, row| {
+            let component = self.components.label[i] as usize;
+            row[..count].fill(0.0);
+            if component < count {
+                row[component] = self.null_entry(i);
+            }
+        });
+    }
+
+    /// Removes the null space from every column.
+    pub fn project_out_null(&self, block: &mut Block) {
+        let (width, zero_modes) = (block.columns(), self.zero_modes());
+        let tasks: Vec<usize> = (0..block.rows()).step_by(ROWS_PER_TASK).collect();
+        let partial: Vec<Vec<f64>> = tasks
+            .into_par_iter()
+            .fold_chunks(self.tasks_per_sum(), || vec![0.0; zero_modes * width], |mut sums, first| {
+                for i in first..block.rows().min(first + ROWS_PER_TASK) {
+                    let entry = self.null_entry(i);
+                    let start = self.components.label[i] as usize * width;
+                    for (sum, x) in sums[start..start + width].iter_mut().zip(block.row(i)) {
+                        *sum += entry * x;
+                    }
+                }
+                sums
+            })
+            .collect();
+        let mut total = vec![0.0; zero_modes * width];
+        for sums in partial {
+            for (t, s) in total.iter_mut().zip(sums) {
+                *t += s;
+            }
+        }
+        block.for_each_row(|i, row| {
+            let entry = self.null_entry(i);
+            let start = self.components.label[i] as usize * width;
+            for (x, t) in row.iter_mut().zip(&total[start..start + width]) {
+                *x -= entry * t;
+            }
+        });
+    }
+
+    /// Tasks that share one table of sums: with many components the tables would outgrow the block.
+    fn tasks_per_sum(&self) -> usize {
+        1 + self.zero_modes() / 64
+    }
+}

@@ -1,0 +1,240 @@
+//! Chooses a solver, runs it, checks what it found.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::block::Block;
+use super::certificates::{self, Certificates, MissedCheck};
+use super::cholesky::{Cholesky, Symbolic};
+use super::lobpcg::{self, Preconditioner};
+use super::order::nested_dissection;
+use super::{Eigenpairs, Problem, SpectrumError, dense, shift_invert};
+use crate::operator::{HeatKernel, SymmetricSparse};
+use crate::progress::{Phase, Progress};
+
+/// Problems of at most this many points are solved densely.
+const DENSE_POINTS: usize = 500;
+
+/// Larger shares `k/n` of the spectrum than this are solved densely.
+const DENSE_SHARE: f64 = 0.2;
+
+/// Largest order that is solved densely: 8 n² bytes thrice and 10 n³ operations.
+pub const DENSE_POINTS_MAX: usize = 5_000;
+
+/// Entries of the factor, per row, up to which a wide operator is factored too.
+const DIRECT_ENTRIES_PER_ROW: usize = 320;
+
+/// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
+const GUARD_MIN: usize = 12;
+const GUARD_SHARE: f64 = 0.2;
+
+/// Residual of the narrow operator's eigenvectors that LOBPCG starts from; its own first step is coarser.
+const START_TOLERANCE: f64 = 1e-2;
+
+/// How eigenpairs were computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// All eigenpairs of the dense matrix.
+    Dense,
+    /// Block Lanczos on the inverse of the shifted operator.
+    ShiftInvert,
+    /// LOBPCG preconditioned by the finite-volume operator's factor.
+    Lobpcg,
+}
+
+/// What a solve needs beside the problem.
+pub struct Request<'a, P> {
+    /// Number of eigenpairs, zero modes included, at most n.
+    pub count: usize,
+    /// Largest relative residual.
+    pub tolerance: f64,
+    /// Position of a point, for the elimination order.
+    pub position: P,
+    /// `B^-½ S B^-½` of a narrow operator on the same points and masses, for kernel operators.
+    pub narrow: Option<&'a SymmetricSparse>,
+    /// The kernel, for kernel operators.
+    pub heat_kernel: Option<HeatKernel>,
+}
+
+/// Eigenpairs with their certificates.
+pub struct Solution {
+    /// The pairs.
+    pub pairs: Eigenpairs,
+    /// Their residuals.
+    pub residuals: Vec<f64>,
+    /// The checks.
+    pub certificates: Certificates,
+    /// How they were computed.
+    pub method: Method,
+}
+
+/// The smallest eigenpairs of a problem.
+///
+/// # Errors
+/// [`SpectrumError`].
+pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
+    problem: &Problem,
+    request: &Request<'_, P>,
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    let (n, count) = (problem.size(), request.count);
+    let dense = n <= DENSE_POINTS || (count as f64 > DENSE_SHARE * n as f64 && n <= DENSE_POINTS_MAX);
+    if dense {
+        progress.enter(Phase::Eigenpairs)?;
+        let pairs = dense::solve(problem, count)?;
+        progress.enter(Phase::Certificates)?;
+        return Ok(certified(problem, pairs, request, Method::Dense, (Some(0), MissedCheck::Dense)));
+    }
+    progress.enter(Phase::Factorization)?;
+    let zeros = problem.zero_modes().min(count);
+    if zeros == count {
+        let pairs = with_null_space(problem, None, count);
+        progress.enter(Phase::Certificates)?;
+        // the null space is the smallest there is
+        return Ok(certified(problem, pairs, request, Method::ShiftInvert, (Some(0), MissedCheck::Inertia)));
+    }
+    let direct = match request.narrow {
+        None => Some(analyze(problem, &problem.matrix, request)?),
+        Some(_) if problem.matrix.nonzeros() / n > 200 => None,
+        Some(_) => {
+            Some(analyze(problem, &problem.matrix, request)?).filter(|s| s.factor_entries() / n <= DIRECT_ENTRIES_PER_ROW)
+        }
+    };
+    match (direct, request.narrow) {
+        (Some(symbolic), _) => direct_solve(problem, &symbolic, request, progress),
+        (None, Some(narrow)) => iterative_solve(problem, narrow, request, progress),
+        (None, None) => Err(SpectrumError::Factorization("the operator has no narrow companion".into())),
+    }
+}
+
+fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
+    _problem: &Problem,
+    matrix: &SymmetricSparse,
+    request: &Request<'_, P>,
+) -> Result<Symbolic, SpectrumError> {
+    Symbolic::analyze(matrix, &nested_dissection(matrix, &request.position))
+}
+
+fn direct_solve<P>(
+    problem: &Problem,
+    symbolic: &Symbolic,
+    request: &Request<'_, P>,
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    progress.advance(0.2)?;
+    let factor = symbolic.factor(&problem.matrix, problem.shift)?;
+    progress.enter(Phase::Eigenpairs)?;
+    let wanted = request.count - problem.zero_modes();
+    // one more, so that the count below is taken in a gap
+    let found = (wanted + 1).min(problem.size() - problem.zero_modes());
+    let mut pairs = shift_invert::solve(problem, &factor, found, request.tolerance, progress, |share| share)?;
+    drop(factor);
+    progress.enter(Phase::Certificates)?;
+    let missed = missed_by_inertia(problem, symbolic, &pairs.values)?;
+    pairs.values.truncate(wanted);
+    let pairs = with_null_space(problem, Some(&pairs), request.count);
+    Ok(certified(problem, pairs, request, Method::ShiftInvert, missed))
+}
+
+/// Counts the eigenvalues below the widest gap near the end of the found ones.
+fn missed_by_inertia(
+    problem: &Problem,
+    symbolic: &Symbolic,
+    values: &[f64],
+) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
+    let last = values.len().saturating_sub(2);
+    for k in (last.saturating_sub(8)..=last).rev() {
+        let Some(pair) = values.get(k..k + 2) else { continue };
+        if pair[1] - pair[0] < 1e-4 * pair[1] {
+            continue;
+        }
+        let bound = 0.5 * (pair[0] + pair[1]);
+        if let Some(below) = symbolic.eigenvalues_below(&problem.matrix, bound)? {
+            let expected = problem.zero_modes() + k + 1;
+            return Ok((Some(below.saturating_sub(expected)), MissedCheck::Inertia));
+        }
+    }
+    Ok((None, MissedCheck::None))
+}
+
+fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
+    problem: &Problem,
+    narrow: &SymmetricSparse,
+    request: &Request<'_, P>,
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    let symbolic = analyze(problem, narrow, request)?;
+    progress.advance(0.5)?;
+    let factor = symbolic.factor(narrow, problem.shift)?;
+    progress.enter(Phase::Eigenpairs)?;
+    let wanted = request.count - problem.zero_modes();
+    let guard = GUARD_MIN.max((GUARD_SHARE * wanted as f64) as usize);
+    let start = narrow_vectors(problem, narrow, &factor, wanted + guard, progress)?;
+    let preconditioner =
+        Preconditioner { factor: &factor, t: request.heat_kernel.map_or(0.0, |kernel| kernel.t) };
+    let mut pairs =
+        lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, |share| 0.3 + 0.7 * share)?;
+    progress.enter(Phase::Certificates)?;
+    let missed = missed_by_probe(problem, &preconditioner, &pairs, wanted, progress)?;
+    pairs.values.truncate(wanted);
+    let pairs = with_null_space(problem, Some(&pairs), request.count);
+    Ok(certified(problem, pairs, request, Method::Lobpcg, missed))
+}
+
+/// Eigenvectors of the narrow operator, roughly: the start of the wide one's iteration.
+fn narrow_vectors(
+    problem: &Problem,
+    narrow: &SymmetricSparse,
+    factor: &Cholesky<'_>,
+    count: usize,
+    progress: &Progress,
+) -> Result<Block, SpectrumError> {
+    let narrow = problem.with_matrix(narrow.clone());
+    let pairs = shift_invert::solve(&narrow, factor, count, START_TOLERANCE, progress, |share| 0.3 * share)?;
+    Ok(pairs.vectors)
+}
+
+fn missed_by_probe(
+    problem: &Problem,
+    preconditioner: &Preconditioner<'_>,
+    pairs: &Eigenpairs,
+    wanted: usize,
+    progress: &Progress,
+) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
+    let smallest = lobpcg::probe(problem, preconditioner, &pairs.vectors, progress)?;
+    let last = pairs.values[wanted - 1];
+    Ok((Some(usize::from(smallest < last)), MissedCheck::Probe))
+}
+
+/// Null vectors first, then the pairs found beside them.
+fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, count: usize) -> Eigenpairs {
+    let zeros = problem.zero_modes().min(count);
+    let mut vectors = Block::zeros(problem.size(), count);
+    problem.write_null_vectors(&mut vectors, zeros);
+    let mut values = vec![0.0; zeros];
+    if let Some(found) = found {
+        vectors.copy_columns(zeros, &found.vectors, 0, count - zeros);
+        values.extend_from_slice(&found.values[..count - zeros]);
+    }
+    Eigenpairs { values, vectors }
+}
+
+fn certified<P>(
+    problem: &Problem,
+    pairs: Eigenpairs,
+    request: &Request<'_, P>,
+    method: Method,
+    (missed, missed_check): (Option<usize>, MissedCheck),
+) -> Solution {
+    let residuals = certificates::residuals(problem, &pairs);
+    let certificates = Certificates {
+        orthogonality: certificates::orthogonality(&pairs),
+        residual: residuals.iter().copied().fold(0.0, f64::max),
+        zero_modes: problem.zero_modes().min(request.count),
+        missed,
+        missed_check,
+        saturation: request.heat_kernel.map(|kernel| kernel.t * pairs.values.last().copied().unwrap_or(0.0)),
+    };
+    Solution { pairs, residuals, certificates, method }
+}
