@@ -7,7 +7,7 @@ use uuid::Uuid;
 use super::arrays::{ArrayDigest, Chunked, Number, cut, read_checked};
 use super::rows::count;
 use super::{CHUNK_POINTS, Claim, Store, StoreError, detached, off_thread};
-use crate::analysis::SparseMatrix;
+use crate::analysis::{JobKind, SparseMatrix};
 
 /// An eigenpair as it is stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -246,21 +246,26 @@ impl Store {
         claim: &Claim,
         bases: Option<usize>,
     ) -> Result<(), StoreError> {
-        let (stored, last, chunks, masses): (i64, i64, i64, i64) = sqlx::query_as(
+        let (stored, last, chunks, arrays): (i64, i64, i64, i64) = sqlx::query_as(
             "SELECT (SELECT count(*) FROM bases WHERE job_id = ?1), \
              (SELECT coalesce(max(idx), -1) FROM bases WHERE job_id = ?1), \
              (SELECT count(*) FROM basis_chunks WHERE job_id = ?1), \
-             (SELECT count(*) FROM arrays WHERE job_id = ?1 AND name = 'mass')",
+             (SELECT count(*) FROM arrays WHERE job_id = ?1)",
         )
         .bind(claim.job.id)
         .fetch_one(connection)
         .await?;
         let bases = bases.unwrap_or(0);
-        let expected = bases * (claim.job.points as usize).div_ceil(CHUNK_POINTS);
-        if (stored, last + 1, chunks, masses) == (bases as i64, bases as i64, expected as i64, 1) {
+        let expected_chunks = bases * (claim.job.points as usize).div_ceil(CHUNK_POINTS);
+        // The mass, and for an operator job the three arrays of its matrix.
+        let expected_arrays = if claim.job.kind == JobKind::Operator { 4 } else { 1 };
+        let expected = (bases as i64, bases as i64, expected_chunks as i64, expected_arrays);
+        if (stored, last + 1, chunks, arrays) == expected {
             return Ok(());
         }
-        Err(StoreError::Damaged(format!("{stored} of {bases} bases and {masses} of 1 masses were stored")))
+        Err(StoreError::Damaged(format!(
+            "{stored} of {bases} bases and {arrays} of {expected_arrays} other arrays were stored"
+        )))
     }
 
     /// Deletes what a job stored of a result, unless it succeeded or another attempt may be writing.
