@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 use super::arrays::Checksum;
 use super::content::{self, Part};
-use super::rows::{cloud_record, cloud_with_id, from_word, to_json, word};
+use super::rows::{cloud_record, cloud_with_id, from_word, hex, integer, to_json, word};
 use super::{CloudRecord, FieldRecord, Page, Store, StoreError, Submitted, detached, off_thread};
 use crate::analysis::{JobKind, Parameters};
 use crate::cloud::{NonFinite, PointCloud, ScalarField};
@@ -46,16 +46,15 @@ impl Store {
             let mut transaction = store.write().await?;
             let known = cloud_with_digest(&mut transaction, &digest).await?;
             let cloud_created = known.is_none();
-            let record = match known {
-                Some(record) => record,
-                None => {
-                    if job.is_some() {
-                        store.refuse_when_full(&mut transaction).await?;
-                    }
-                    let id = Uuid::now_v7();
-                    store.insert_cloud(&mut transaction, id, &cloud, &digest, duplicates).await?;
-                    cloud_with_id(&mut transaction, id).await?
+            let record = if let Some(record) = known {
+                record
+            } else {
+                if job.is_some() {
+                    store.refuse_when_full(&mut transaction).await?;
                 }
+                let id = Uuid::now_v7();
+                store.insert_cloud(&mut transaction, id, &cloud, &digest, duplicates).await?;
+                cloud_with_id(&mut transaction, id).await?
             };
             let queued = match job {
                 Some((kind, parameters)) => {
@@ -196,14 +195,14 @@ impl Store {
         .bind(id)
         .bind(self.now())
         .bind(digest.as_slice())
-        .bind(cloud.len() as i64)
-        .bind(cloud.dimension() as i64)
-        .bind(cloud.nonfinite() as i64)
-        .bind(duplicates as i64)
+        .bind(integer(cloud.len()))
+        .bind(integer(cloud.dimension()))
+        .bind(integer(cloud.nonfinite()))
+        .bind(integer(duplicates))
         .bind(to_json(&cloud.bounding_box().unwrap_or_default())?)
         .bind(word(&cloud.coordinate_type())?)
         .bind(to_json(&fields)?)
-        .bind(cloud.faces().len() as i64)
+        .bind(integer(cloud.faces().len()))
         .execute(&mut *connection)
         .await?;
         for part in Part::all(fields.len()) {
@@ -215,7 +214,7 @@ impl Store {
                 )
                 .bind(id)
                 .bind(part.name())
-                .bind(chunk as i64)
+                .bind(integer(chunk))
                 .bind(word(&encoding)?)
                 .bind(data)
                 .execute(&mut *connection)
@@ -261,7 +260,7 @@ fn assemble(
         .and_then(|cloud| cloud.with_faces(faces))
         .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?
         .with_coordinate_type(record.coordinate_type);
-    if super::rows::hex(&content::digest(&cloud)?) != record.digest {
+    if hex(&content::digest(&cloud)?) != record.digest {
         return Err(StoreError::Damaged(format!("cloud {} does not match its digest", record.id)));
     }
     Ok(cloud)

@@ -39,7 +39,10 @@ const NOT_A_DATABASE: u32 = 26;
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
-        let code = error.as_database_error().and_then(|e| e.code()).and_then(|code| code.parse::<u32>().ok());
+        let code = error
+            .as_database_error()
+            .and_then(sqlx::error::DatabaseError::code)
+            .and_then(|code| code.parse::<u32>().ok());
         match code.map(|code| code & 0xff) {
             Some(FULL) => Self::StorageFull,
             Some(CORRUPT | NOT_A_DATABASE) => Self::Damaged(error.to_string()),

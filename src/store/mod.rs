@@ -13,6 +13,7 @@ mod database;
 mod error;
 mod jobs;
 mod queue;
+mod reading;
 mod records;
 mod results;
 mod rows;

@@ -22,7 +22,7 @@ pub struct FieldRecord {
 /// A stored cloud, without its points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CloudRecord {
-    /// UUIDv7.
+    /// A `UUIDv7`.
     pub id: Uuid,
     /// When it was stored.
     pub created: Milliseconds,
@@ -74,7 +74,7 @@ pub struct JobFailure {
 /// A job, without its arrays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JobRecord {
-    /// UUIDv7.
+    /// A `UUIDv7`.
     pub id: Uuid,
     /// The cloud it analyses.
     pub cloud_id: Uuid,

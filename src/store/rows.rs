@@ -88,6 +88,12 @@ pub(super) fn count(row: &SqliteRow, column: &'static str) -> Result<u64, StoreE
     u64::try_from(number).map_err(|_| StoreError::Damaged(format!("`{column}` is {number}")))
 }
 
+/// A count or a place as the database's integer. Nothing that is stored lies beyond its range, so that a number which does
+/// is found nowhere.
+pub(super) fn integer(number: impl TryInto<i64>) -> i64 {
+    number.try_into().unwrap_or(i64::MAX)
+}
+
 pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, StoreError> {
     serde_json::from_str(text).map_err(|e| StoreError::Damaged(e.to_string()))
 }

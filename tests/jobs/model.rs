@@ -182,7 +182,9 @@ impl Pair {
                 let mut running: Vec<&mut Job> =
                     self.model.jobs.iter_mut().filter(|job| job.state == JobState::Running).collect();
                 assert_eq!(orphans, running.len() as u64);
-                running.iter_mut().for_each(|job| job.give_up());
+                for job in &mut running {
+                    job.give_up();
+                }
             }
         }
     }
