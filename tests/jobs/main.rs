@@ -1,0 +1,11 @@
+//! Store, queue and workers, through their public interface and, where bytes have to be damaged, through the file.
+
+#![allow(clippy::unwrap_used)] // clippy.toml exempts test functions, but not what they share
+
+mod clouds;
+mod durability;
+mod model;
+mod queue;
+mod results;
+mod stage;
+mod workers;
