@@ -1,1 +1,116 @@
-//! jobs
+//! What works the queue off: workers that claim jobs, compute them apart from tokio, and store what comes out.
+//!
+//! One worker runs one job at a time, from its claim to its end. While it does, a plain thread beats for it: neither a
+//! computation that fills every core nor a busy tokio can make a living job look dead. The computation itself runs on
+//! a rayon pool ([`Compute`]), the only bridge between the two worlds.
+
+mod analyses;
+mod compute;
+mod pulse;
+mod storing;
+mod task;
+mod worker;
+
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::TaskTracker;
+use uuid::Uuid;
+
+pub use analyses::{Analyze, Results, analyses};
+pub use compute::{Compute, ComputeError};
+
+use crate::store::{Store, StoreError};
+
+/// How the workers go about it.
+#[derive(Debug, Clone)]
+pub struct JobsSettings {
+    /// Jobs that run at once. Each may use the whole pool and the whole memory of an analysis.
+    pub concurrent: NonZeroUsize,
+    /// How often a running job's phase and progress are written and its lease renewed.
+    pub heartbeat: Duration,
+    /// How often a running job looks whether somebody asked to cancel it.
+    pub pulse: Duration,
+    /// How often an idle worker looks at the queue without being woken: for leases that ran out.
+    pub poll: Duration,
+}
+
+impl Default for JobsSettings {
+    fn default() -> Self {
+        Self {
+            concurrent: NonZeroUsize::MIN,
+            heartbeat: Duration::from_secs(1),
+            pulse: Duration::from_millis(200),
+            poll: Duration::from_secs(1),
+        }
+    }
+}
+
+/// The running workers.
+#[derive(Debug)]
+pub struct Jobs {
+    wake: Arc<Notify>,
+    /// Claim nothing more.
+    stop: CancellationToken,
+    /// End what runs.
+    halt: CancellationToken,
+    workers: TaskTracker,
+}
+
+impl Jobs {
+    /// Puts the jobs of dead processes back into the queue, then starts the workers.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn start(
+        store: Store,
+        compute: Compute,
+        analyze: Arc<Analyze>,
+        settings: JobsSettings,
+    ) -> Result<Self, StoreError> {
+        let process = Uuid::now_v7();
+        let orphans = store.requeue_orphans(process).await?;
+        if orphans > 0 {
+            tracing::warn!(orphans, "took up the jobs of a process that died");
+        }
+        let jobs = Self {
+            wake: Arc::new(Notify::new()),
+            stop: CancellationToken::new(),
+            halt: CancellationToken::new(),
+            workers: TaskTracker::new(),
+        };
+        for _ in 0..settings.concurrent.get() {
+            let worker = worker::Worker {
+                store: store.clone(),
+                compute: compute.clone(),
+                analyze: Arc::clone(&analyze),
+                settings: settings.clone(),
+                process,
+                wake: Arc::clone(&jobs.wake),
+                stop: jobs.stop.clone(),
+                halt: jobs.halt.clone(),
+            };
+            jobs.workers.spawn(worker.work());
+        }
+        Ok(jobs)
+    }
+
+    /// Tells an idle worker that a job was queued.
+    pub fn wake(&self) {
+        self.wake.notify_one();
+    }
+
+    /// Claims nothing more, gives running jobs `grace` to end, then gives them back to the queue with their attempt not
+    /// counted. When it returns, no worker writes any more.
+    pub async fn stop(&self, grace: Duration) {
+        self.stop.cancel();
+        self.workers.close();
+        if tokio::time::timeout(grace, self.workers.wait()).await.is_err() {
+            self.halt.cancel();
+            self.workers.wait().await;
+        }
+    }
+}

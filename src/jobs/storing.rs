@@ -1,0 +1,58 @@
+//! From the results of an analysis to rows of the store.
+
+use std::sync::Arc;
+
+use super::analyses::Results;
+use super::compute::Compute;
+use super::worker::Setback;
+use crate::analysis::{JobKind, Report};
+use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store, StoreError};
+
+/// Bases of one transaction, in bytes. Commits wait for the disk, and every other writer waits for the transaction.
+/// Sixteen mebibytes: about 50 ms of writing for one wait.
+const BATCH_BYTES: usize = 16 << 20;
+
+/// Stores all arrays of a result under its claim.
+pub(super) async fn store_arrays(
+    store: &Store,
+    compute: &Compute,
+    claim: &Claim,
+    results: &Arc<dyn Results>,
+) -> Result<(), Setback> {
+    store.begin_result(claim).await?;
+    let computed = Arc::clone(results);
+    let mass = compute.run(move || computed.mass()).await?;
+    store.put_array(claim, ArrayName::Mass, Numbers::F64(mass)).await?;
+    if claim.job.kind == JobKind::Operator {
+        let computed = Arc::clone(results);
+        let matrix = compute.run(move || computed.matrix()).await?;
+        store.put_array(claim, ArrayName::Offsets, Numbers::U64(matrix.offsets)).await?;
+        store.put_array(claim, ArrayName::Columns, Numbers::U32(matrix.columns)).await?;
+        store.put_array(claim, ArrayName::Values, Numbers::F64(matrix.values)).await?;
+    }
+    let batch = (BATCH_BYTES / (8 * claim.job.points.max(1) as usize)).max(1);
+    for first in (0..results.bases()).step_by(batch) {
+        let computed = Arc::clone(results);
+        let end = results.bases().min(first + batch);
+        let bases = compute.run(move || (first..end).map(|j| eigenpair(&*computed, j)).collect()).await?;
+        let bases: Option<Vec<BasisValues>> = bases;
+        let bases = bases.ok_or_else(|| {
+            StoreError::Damaged("the report's lists are shorter than the number of bases".to_owned())
+        })?;
+        store.put_bases(claim, bases).await?;
+    }
+    Ok(())
+}
+
+/// Eigenpair `j`; `None` when the report does not know it.
+fn eigenpair(results: &dyn Results, j: usize) -> Option<BasisValues> {
+    let Report { spectrum, .. } = results.report();
+    let spectrum = spectrum.as_ref()?;
+    Some(BasisValues {
+        index: j,
+        eigenvalue: *spectrum.eigenvalues.get(j)?,
+        raw_eigenvalue: *spectrum.raw_eigenvalues.get(j)?,
+        residual: *spectrum.residuals.get(j)?,
+        values: results.basis(j),
+    })
+}

@@ -1,0 +1,110 @@
+//! One attempt at a job, seen from outside: how far it is, and where its time went.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::progress::{Phase, Progress};
+use crate::store::Vitals;
+
+/// Shared by the computation, which moves it on, and the thread that beats for it.
+#[derive(Clone)]
+pub(super) struct Task {
+    pub(super) progress: Arc<Progress>,
+    timeline: Arc<Mutex<Timeline>>,
+}
+
+impl Task {
+    pub(super) fn begin() -> Self {
+        let timeline = Arc::new(Mutex::new(Timeline::new(Instant::now())));
+        let observed = Arc::clone(&timeline);
+        let progress = Progress::observed(move |phase| {
+            observed.lock().unwrap_or_else(PoisonError::into_inner).enter(phase, Instant::now());
+        });
+        Self { progress: Arc::new(progress), timeline }
+    }
+
+    pub(super) fn vitals(&self) -> Vitals {
+        let timeline = self.timeline.lock().unwrap_or_else(PoisonError::into_inner);
+        Vitals {
+            phase: self.progress.phase(),
+            progress: self.progress.fraction(),
+            phase_seconds: timeline.seconds(Instant::now()),
+        }
+    }
+}
+
+/// The phases that were entered, each with the time spent in it before it was last left.
+struct Timeline {
+    spent: Vec<(Phase, Duration)>,
+    entered: Instant,
+}
+
+impl Timeline {
+    fn new(now: Instant) -> Self {
+        Self { spent: Vec::new(), entered: now }
+    }
+
+    /// A phase may be entered again, as when an eigensolver asks for another factor: its times add up.
+    fn enter(&mut self, phase: Phase, now: Instant) {
+        self.leave(now);
+        let earlier = self.spent.iter().position(|(known, _)| *known == phase);
+        let entry = earlier.map_or((phase, Duration::ZERO), |index| self.spent.remove(index));
+        self.spent.push(entry);
+    }
+
+    fn leave(&mut self, now: Instant) {
+        if let Some((_, spent)) = self.spent.last_mut() {
+            *spent += now - self.entered;
+        }
+        self.entered = now;
+    }
+
+    /// In the order of the phases.
+    fn seconds(&self, now: Instant) -> Vec<(Phase, f64)> {
+        let last = self.spent.len().saturating_sub(1);
+        let running = |index| if index == last { now - self.entered } else { Duration::ZERO };
+        let entries = self.spent.iter().enumerate();
+        let mut seconds: Vec<(Phase, f64)> = entries
+            .map(|(index, (phase, spent))| (*phase, (*spent + running(index)).as_secs_f64()))
+            .collect();
+        seconds.sort_by_key(|(phase, _)| *phase);
+        seconds
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_phase_gets_the_time_until_the_next_begins() {
+        let start = Instant::now();
+        let at = |seconds| start + Duration::from_secs(seconds);
+        let mut timeline = Timeline::new(start);
+        assert_eq!(timeline.seconds(at(1)), []);
+        timeline.enter(Phase::Preparation, at(1));
+        timeline.enter(Phase::Cells, at(3));
+        assert_eq!(timeline.seconds(at(8)), [(Phase::Preparation, 2.0), (Phase::Cells, 5.0)]);
+    }
+
+    #[test]
+    fn a_phase_entered_twice_gets_both_times() {
+        let start = Instant::now();
+        let at = |seconds| start + Duration::from_secs(seconds);
+        let mut timeline = Timeline::new(start);
+        timeline.enter(Phase::Factorization, at(0));
+        timeline.enter(Phase::Eigenpairs, at(1));
+        timeline.enter(Phase::Factorization, at(3));
+        assert_eq!(timeline.seconds(at(7)), [(Phase::Factorization, 5.0), (Phase::Eigenpairs, 2.0)]);
+    }
+
+    #[test]
+    fn a_task_tells_the_phase_it_is_in() {
+        let task = Task::begin();
+        task.progress.enter(Phase::Assembly).unwrap();
+        let vitals = task.vitals();
+        assert_eq!(vitals.phase, Phase::Assembly);
+        assert!((vitals.progress - task.progress.fraction()).abs() < f64::EPSILON);
+        assert_eq!(vitals.phase_seconds.len(), 1);
+    }
+}

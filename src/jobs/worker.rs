@@ -1,0 +1,164 @@
+//! A worker: claims a job, sees it through, claims the next.
+
+use std::pin::pin;
+use std::sync::Arc;
+
+use tokio::sync::Notify;
+use tokio_util::sync::CancellationToken;
+use uuid::Uuid;
+
+use super::JobsSettings;
+use super::analyses::{Analyze, Results};
+use super::compute::{Compute, ComputeError};
+use super::pulse::Pulse;
+use super::storing::store_arrays;
+use super::task::Task;
+use crate::analysis::AnalysisError;
+use crate::progress::Canceled;
+use crate::store::{Claim, Heartbeat, JobFailure, JobState, Store, StoreError};
+
+pub(super) struct Worker {
+    pub(super) store: Store,
+    pub(super) compute: Compute,
+    pub(super) analyze: Arc<Analyze>,
+    pub(super) settings: JobsSettings,
+    pub(super) process: Uuid,
+    pub(super) wake: Arc<Notify>,
+    pub(super) stop: CancellationToken,
+    pub(super) halt: CancellationToken,
+}
+
+/// Why an attempt did not end with a result.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Setback {
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
+    #[error(transparent)]
+    Compute(#[from] ComputeError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("no thread to beat for the job: {0}")]
+    Pulse(#[from] std::io::Error),
+    #[error("ordered to end: {0:?}")]
+    Ordered(Heartbeat),
+    #[error("the service stops")]
+    Halted,
+}
+
+impl Worker {
+    /// Works until the service stops.
+    pub(super) async fn work(self) {
+        while !self.stop.is_cancelled() {
+            match self.store.claim(self.process).await {
+                Ok(Some(claim)) => self.see_through(&claim).await,
+                Ok(None) => self.rest().await,
+                Err(error) => {
+                    tracing::error!(%error, "no job could be claimed");
+                    self.rest().await;
+                }
+            }
+        }
+    }
+
+    async fn rest(&self) {
+        tokio::select! {
+            () = self.wake.notified() => {}
+            () = tokio::time::sleep(self.settings.poll) => {}
+            () = self.stop.cancelled() => {}
+        }
+    }
+
+    /// From the claim to the job's end, whatever end that is.
+    async fn see_through(&self, claim: &Claim) {
+        let task = Task::begin();
+        let job = claim.job.id;
+        tracing::info!(%job, attempt = claim.job.attempt, points = claim.job.points, "job begins");
+        let mut attempt = pin!(self.attempt(claim, &task));
+        let mut pulse = match Pulse::start(self.store.clone(), claim.clone(), task.clone(), &self.settings) {
+            Ok(pulse) => pulse,
+            Err(error) => return self.settle(claim, error.into()).await,
+        };
+        let setback = tokio::select! {
+            // An order first: the attempt may have ended because of it, and then says only that it was canceled.
+            biased;
+            order = pulse.order() => Setback::Ordered(order),
+            () = self.halt.cancelled() => Setback::Halted,
+            ended = &mut attempt => match ended {
+                Ok(state) => return tracing::info!(%job, ?state, "job ends"),
+                Err(setback) => return self.settle(claim, setback).await,
+            },
+        };
+        // The job ends now, for everybody who waits for it; the computation ends at its next checkpoint, and may not get
+        // there soon. Until then this worker claims nothing: the memory of two jobs was not asked for.
+        task.progress.cancel();
+        self.settle(claim, setback).await;
+        tokio::select! {
+            _ = attempt => {}
+            () = self.halt.cancelled() => {}
+        }
+    }
+
+    async fn attempt(&self, claim: &Claim, task: &Task) -> Result<JobState, Setback> {
+        let cloud = self.store.load_cloud(claim.job.cloud_id).await?;
+        let (kind, parameters) = (claim.job.kind, claim.job.parameters.clone());
+        let (analyze, progress) = (Arc::clone(&self.analyze), Arc::clone(&task.progress));
+        let results = self.compute.run(move || analyze(&cloud, kind, &parameters, &progress)).await??;
+        let vitals = task.vitals();
+        let results: Arc<dyn Results> = Arc::from(results);
+        store_arrays(&self.store, &self.compute, claim, &results).await?;
+        Ok(self.store.finish(claim, results.report(), &vitals).await?)
+    }
+
+    /// Gives a job that has no result its end, or its place in the queue back.
+    async fn settle(&self, claim: &Claim, setback: Setback) {
+        let job = claim.job.id;
+        let settled = match &setback {
+            // Not ours any more: whoever took it decides.
+            Setback::Ordered(Heartbeat::Lost) | Setback::Store(StoreError::LostClaim) => {
+                tracing::warn!(%job, "the claim was lost");
+                return;
+            }
+            Setback::Ordered(Heartbeat::Cancel) => {
+                self.store.cancel_claimed(claim).await.map(|()| JobState::Canceled)
+            }
+            Setback::Halted => self.store.release(claim).await,
+            _ => {
+                let (failure, retry) = failure(&setback);
+                self.store.fail(claim, failure, retry).await
+            }
+        };
+        match settled {
+            Ok(state) => tracing::warn!(%job, ?state, %setback, "job ends without a result"),
+            // It had just ended by itself.
+            Err(StoreError::LostClaim) => {}
+            // Its lease runs out, and then it is put back.
+            Err(error) => tracing::error!(%job, %error, %setback, "a job's end could not be stored"),
+        }
+    }
+}
+
+/// What the job's owner is told, and whether another attempt may fare better.
+fn failure(setback: &Setback) -> (JobFailure, bool) {
+    let told = |code: &str, detail: String| JobFailure { code: code.to_owned(), detail };
+    match setback {
+        Setback::Analysis(error) => match error {
+            AnalysisError::Parameter { .. } => (told("parameter", error.to_string()), false),
+            AnalysisError::Cloud(_) => (told("cloud", error.to_string()), false),
+            AnalysisError::Unsupported(_) => (told("unsupported", error.to_string()), false),
+            AnalysisError::Numerical(_) => (told("numerical", error.to_string()), false),
+            // The order to cancel that led here arrives otherwise: this one nobody gave.
+            AnalysisError::Canceled(Canceled) => {
+                (told("internal", "the computation ended without a reason".to_owned()), true)
+            }
+        },
+        Setback::Compute(_) => {
+            (told("crashed", "the computation crashed in every attempt at it".to_owned()), true)
+        }
+        Setback::Store(StoreError::Damaged(_)) => {
+            (told("internal", "the stored cloud or the result is damaged".to_owned()), false)
+        }
+        Setback::Store(_) | Setback::Pulse(_) | Setback::Ordered(_) | Setback::Halted => {
+            (told("internal", "the result could not be stored".to_owned()), true)
+        }
+    }
+}

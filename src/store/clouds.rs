@@ -1,0 +1,268 @@
+//! Clouds: submitted once, kept in chunks, deleted with everything that was derived from them.
+
+use std::sync::Arc;
+
+use futures_util::TryStreamExt;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use uuid::Uuid;
+
+use super::arrays::Checksum;
+use super::content::{self, Part};
+use super::rows::{cloud_record, cloud_with_id, from_word, to_json, word};
+use super::{CloudRecord, FieldRecord, Page, Store, StoreError, Submitted, detached, off_thread};
+use crate::analysis::{JobKind, Parameters};
+use crate::cloud::{NonFinite, PointCloud, ScalarField};
+
+impl Store {
+    /// Stores a cloud and, if asked, queues a job on it: one transaction, so that neither is there without the other.
+    ///
+    /// Copies the cloud; [`Self::submit_shared`] does not.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn submit(
+        &self,
+        cloud: &PointCloud,
+        job: Option<(JobKind, Parameters)>,
+    ) -> Result<Submitted, StoreError> {
+        self.submit_shared(Arc::new(cloud.clone()), job).await
+    }
+
+    /// As [`Self::submit`].
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn submit_shared(
+        &self,
+        cloud: Arc<PointCloud>,
+        job: Option<(JobKind, Parameters)>,
+    ) -> Result<Submitted, StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let examined = Arc::clone(&cloud);
+            let (digest, duplicates) =
+                off_thread(move || Ok((content::digest(&examined)?, content::duplicates(&examined)))).await?;
+            let mut transaction = store.write().await?;
+            let known = cloud_with_digest(&mut transaction, &digest).await?;
+            let cloud_created = known.is_none();
+            let record = match known {
+                Some(record) => record,
+                None => {
+                    if job.is_some() {
+                        store.refuse_when_full(&mut transaction).await?;
+                    }
+                    let id = Uuid::now_v7();
+                    store.insert_cloud(&mut transaction, id, &cloud, &digest, duplicates).await?;
+                    cloud_with_id(&mut transaction, id).await?
+                }
+            };
+            let queued = match job {
+                Some((kind, parameters)) => {
+                    Some(store.enqueue(&mut transaction, record.id, kind, &parameters).await?)
+                }
+                None => None,
+            };
+            transaction.commit().await?;
+            store.announce();
+            let job_created = queued.as_ref().is_some_and(|(_, created)| *created);
+            Ok(Submitted { cloud: record, job: queued.map(|(job, _)| job), cloud_created, job_created })
+        })
+        .await
+    }
+
+    /// Queues a job on a stored cloud.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn submit_job(
+        &self,
+        cloud: Uuid,
+        kind: JobKind,
+        parameters: Parameters,
+    ) -> Result<Submitted, StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let mut transaction = store.write().await?;
+            let cloud = cloud_with_id(&mut transaction, cloud).await?;
+            let (job, job_created) = store.enqueue(&mut transaction, cloud.id, kind, &parameters).await?;
+            transaction.commit().await?;
+            store.announce();
+            Ok(Submitted { cloud, job: Some(job), cloud_created: false, job_created })
+        })
+        .await
+    }
+
+    /// A cloud's record.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], [`StoreError::Database`].
+    pub async fn cloud(&self, id: Uuid) -> Result<CloudRecord, StoreError> {
+        cloud_with_id(&mut *self.readers.acquire().await?, id).await
+    }
+
+    /// A cloud with its points, fields and faces, digest checked.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn load_cloud(&self, id: Uuid) -> Result<PointCloud, StoreError> {
+        let mut snapshot = self.read().await?;
+        let record = cloud_with_id(&mut snapshot, id).await?;
+        let mut coordinates = Vec::with_capacity(record.points as usize * record.dimension);
+        let mut faces = Vec::with_capacity(record.faces as usize);
+        let mut fields: Vec<ScalarField> = Vec::with_capacity(record.fields.len());
+        for field in &record.fields {
+            let values = Vec::with_capacity(record.points as usize);
+            fields.push(ScalarField { name: field.name.clone(), kind: field.kind, values });
+        }
+        for part in Part::all(fields.len()) {
+            let mut chunks = sqlx::query(
+                "SELECT encoding, data FROM cloud_chunks WHERE cloud_id = ?1 AND part = ?2 ORDER BY chunk",
+            )
+            .bind(id)
+            .bind(part.name())
+            .fetch(&mut *snapshot);
+            while let Some(row) = chunks.try_next().await? {
+                match part {
+                    Part::Coordinates => read_numbers(&row, &mut coordinates)?,
+                    Part::Field(field) => read_numbers(&row, &mut fields[field].values)?,
+                    Part::Faces => read_faces(&row, &mut faces)?,
+                }
+                // Rows that are ready already come without a pause: let others onto this thread between them.
+                tokio::task::yield_now().await;
+            }
+        }
+        off_thread(move || assemble(&record, coordinates, fields, faces)).await
+    }
+
+    /// Clouds, newest first, after `cursor`.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn clouds(&self, cursor: Option<Uuid>, limit: u32) -> Result<Page<CloudRecord>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM clouds");
+        if let Some(cursor) = cursor {
+            query.push(" WHERE id < ").push_bind(cursor);
+        }
+        query.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(limit.max(1)) + 1);
+        let rows = query.build().fetch_all(&self.readers).await?;
+        let records: Result<Vec<_>, _> = rows.iter().map(cloud_record).collect();
+        Ok(Page::cut(records?, limit, |cloud| cloud.id))
+    }
+
+    /// Deletes a cloud with its terminal jobs and their results.
+    ///
+    /// # Errors
+    /// [`StoreError::CloudInUse`], [`StoreError::NotFound`], [`StoreError::Database`].
+    pub async fn delete_cloud(&self, id: Uuid) -> Result<(), StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let mut transaction = store.write().await?;
+            let in_use: bool = sqlx::query_scalar(
+                "SELECT EXISTS (SELECT 1 FROM jobs WHERE cloud_id = ?1 AND state IN ('queued', 'running'))",
+            )
+            .bind(id)
+            .fetch_one(&mut *transaction)
+            .await?;
+            if in_use {
+                return Err(StoreError::CloudInUse);
+            }
+            let deleted =
+                sqlx::query("DELETE FROM clouds WHERE id = ?1").bind(id).execute(&mut *transaction).await?;
+            if deleted.rows_affected() == 0 {
+                return Err(StoreError::NotFound);
+            }
+            transaction.commit().await?;
+            store.announce();
+            Ok(())
+        })
+        .await
+    }
+
+    async fn insert_cloud(
+        &self,
+        connection: &mut SqliteConnection,
+        id: Uuid,
+        cloud: &PointCloud,
+        digest: &Checksum,
+        duplicates: u64,
+    ) -> Result<(), StoreError> {
+        let fields: Vec<FieldRecord> =
+            cloud.fields().iter().map(|f| FieldRecord { name: f.name.clone(), kind: f.kind }).collect();
+        sqlx::query(
+            "INSERT INTO clouds (id, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
+             coordinate_type, fields, faces) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
+        )
+        .bind(id)
+        .bind(self.now())
+        .bind(digest.as_slice())
+        .bind(cloud.len() as i64)
+        .bind(cloud.dimension() as i64)
+        .bind(cloud.nonfinite() as i64)
+        .bind(duplicates as i64)
+        .bind(to_json(&cloud.bounding_box().unwrap_or_default())?)
+        .bind(word(&cloud.coordinate_type())?)
+        .bind(to_json(&fields)?)
+        .bind(cloud.faces().len() as i64)
+        .execute(&mut *connection)
+        .await?;
+        for part in Part::all(fields.len()) {
+            // Cut one by one: a second copy of the whole cloud never exists.
+            let mut chunk = 0;
+            while let Some((encoding, data)) = part.chunk(cloud, chunk) {
+                sqlx::query(
+                    "INSERT INTO cloud_chunks (cloud_id, part, chunk, encoding, data) VALUES (?1, ?2, ?3, ?4, ?5)",
+                )
+                .bind(id)
+                .bind(part.name())
+                .bind(chunk as i64)
+                .bind(word(&encoding)?)
+                .bind(data)
+                .execute(&mut *connection)
+                .await?;
+                chunk += 1;
+            }
+        }
+        Ok(())
+    }
+}
+
+async fn cloud_with_digest(
+    connection: &mut SqliteConnection,
+    digest: &Checksum,
+) -> Result<Option<CloudRecord>, StoreError> {
+    let row = sqlx::query("SELECT * FROM clouds WHERE digest = ?1")
+        .bind(digest.as_slice())
+        .fetch_optional(connection)
+        .await?;
+    row.as_ref().map(cloud_record).transpose()
+}
+
+fn read_numbers(row: &SqliteRow, values: &mut Vec<f64>) -> Result<(), StoreError> {
+    content::read_numbers(from_word(row.try_get("encoding")?)?, row.try_get("data")?, values)
+}
+
+fn read_faces(row: &SqliteRow, faces: &mut Vec<[u32; 3]>) -> Result<(), StoreError> {
+    if content::read_faces(row.try_get("data")?, faces) {
+        return Ok(());
+    }
+    Err(StoreError::Damaged("a chunk of faces has a broken length".to_owned()))
+}
+
+/// The cloud that `record` describes, if these are its numbers.
+fn assemble(
+    record: &CloudRecord,
+    coordinates: Vec<f64>,
+    fields: Vec<ScalarField>,
+    faces: Vec<[u32; 3]>,
+) -> Result<PointCloud, StoreError> {
+    let cloud = PointCloud::new(record.dimension, coordinates, NonFinite::Drop)
+        .and_then(|cloud| cloud.with_fields(fields))
+        .and_then(|cloud| cloud.with_faces(faces))
+        .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?
+        .with_coordinate_type(record.coordinate_type);
+    if super::rows::hex(&content::digest(&cloud)?) != record.digest {
+        return Err(StoreError::Damaged(format!("cloud {} does not match its digest", record.id)));
+    }
+    Ok(cloud)
+}

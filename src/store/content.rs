@@ -1,0 +1,191 @@
+//! What a cloud is made of: its digest and its parts, cut into chunks. No SQL here.
+
+use sha2::{Digest, Sha256};
+
+use super::arrays::{Checksum, Number, read_exactly, write_exactly};
+use super::rows::word;
+use super::{CHUNK_POINTS, StoreError};
+use crate::cloud::{PointCloud, ScalarType};
+
+/// Prefix of what is hashed; another order or width of the parts gets another number.
+const DIGEST_VERSION: &[u8] = b"chladni cloud 1\0";
+
+/// SHA-256 over dimension, coordinates, fields and faces, each with its length before it and numbers by their bits.
+///
+/// The coordinates' type in the file is left out: the same points from a file of floats and one of doubles are the same
+/// cloud.
+pub(super) fn digest(cloud: &PointCloud) -> Result<Checksum, StoreError> {
+    let mut hash = Sha256::new();
+    hash.update(DIGEST_VERSION);
+    add_count(&mut hash, cloud.dimension());
+    add_numbers(&mut hash, cloud.coordinates());
+    add_count(&mut hash, cloud.fields().len());
+    for field in cloud.fields() {
+        add_text(&mut hash, &field.name);
+        add_text(&mut hash, &word(&field.kind)?);
+        add_numbers(&mut hash, &field.values);
+    }
+    add_numbers(&mut hash, cloud.faces().as_flattened());
+    Ok(hash.finalize().into())
+}
+
+fn add_count(hash: &mut Sha256, count: usize) {
+    hash.update((count as u64).to_le_bytes());
+}
+
+fn add_text(hash: &mut Sha256, text: &str) {
+    add_count(hash, text.len());
+    hash.update(text);
+}
+
+fn add_numbers<T: Number>(hash: &mut Sha256, values: &[T]) {
+    add_count(hash, values.len());
+    for values in values.chunks(CHUNK_POINTS) {
+        hash.update(T::write(values));
+    }
+}
+
+/// Rows that repeat the position of an earlier row. Rows with a non-finite coordinate have no position.
+pub(super) fn duplicates(cloud: &PointCloud) -> u64 {
+    let finite = |&row: &u32| cloud.point(row as usize).iter().all(|x| x.is_finite());
+    let mut rows: Vec<u32> = (0..cloud.len() as u32).filter(finite).collect();
+    let same = |a: &u32, b: &u32| cloud.point(*a as usize) == cloud.point(*b as usize);
+    rows.sort_unstable_by(|a, b| {
+        let (a, b) = (cloud.point(*a as usize), cloud.point(*b as usize));
+        a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal)
+    });
+    rows.windows(2).filter(|pair| same(&pair[0], &pair[1])).count() as u64
+}
+
+/// One array of a cloud.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    Coordinates,
+    Faces,
+    Field(usize),
+}
+
+impl Part {
+    /// The parts of a cloud with this many fields.
+    pub(super) fn all(fields: usize) -> impl Iterator<Item = Self> {
+        [Self::Coordinates, Self::Faces].into_iter().chain((0..fields).map(Self::Field))
+    }
+
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Coordinates => "coordinates".to_owned(),
+            Self::Faces => "faces".to_owned(),
+            Self::Field(field) => format!("field/{field}"),
+        }
+    }
+
+    /// Chunk `chunk` of this part as bytes, and their type; `None` past its end.
+    pub(super) fn chunk(self, cloud: &PointCloud, chunk: usize) -> Option<(ScalarType, Vec<u8>)> {
+        match self {
+            Self::Coordinates => {
+                let values = piece(cloud.coordinates(), chunk, CHUNK_POINTS * cloud.dimension())?;
+                Some(write_exactly(values, cloud.coordinate_type()))
+            }
+            Self::Faces => {
+                let faces = piece(cloud.faces(), chunk, CHUNK_POINTS)?;
+                Some((ScalarType::Uint32, u32::write(faces.as_flattened())))
+            }
+            Self::Field(field) => {
+                let field = cloud.fields().get(field)?;
+                Some(write_exactly(piece(&field.values, chunk, CHUNK_POINTS)?, field.kind))
+            }
+        }
+    }
+}
+
+fn piece<T>(values: &[T], chunk: usize, length: usize) -> Option<&[T]> {
+    values.chunks(length).nth(chunk)
+}
+
+/// Appends the triangles of a chunk; false when the bytes do not divide into triangles.
+pub(super) fn read_faces(bytes: &[u8], faces: &mut Vec<[u32; 3]>) -> bool {
+    let mut corners: Vec<u32> = Vec::new();
+    let whole = u32::read(bytes, &mut corners);
+    let (triangles, rest) = corners.as_chunks::<3>();
+    faces.extend_from_slice(triangles);
+    whole && rest.is_empty()
+}
+
+/// Appends the numbers of a chunk of coordinates or of a field.
+pub(super) fn read_numbers(
+    encoding: ScalarType,
+    bytes: &[u8],
+    values: &mut Vec<f64>,
+) -> Result<(), StoreError> {
+    if read_exactly(encoding, bytes, values) {
+        return Ok(());
+    }
+    Err(StoreError::Damaged("a chunk of a cloud has a broken length".to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{NonFinite, ScalarField};
+
+    fn cloud(coordinates: &[f64]) -> PointCloud {
+        PointCloud::new(2, coordinates.to_vec(), NonFinite::Drop).unwrap()
+    }
+
+    #[test]
+    fn the_digest_tells_every_part_of_a_cloud_apart() {
+        let plain = cloud(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        let field = |name: &str, kind, values: [f64; 3]| {
+            let field = ScalarField { name: name.to_owned(), kind, values: values.to_vec() };
+            plain.clone().with_fields(vec![field]).unwrap()
+        };
+        let clouds = [
+            plain.clone(),
+            cloud(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.5]),
+            cloud(&[-0.0, 1.0, 2.0, 3.0, 4.0, 5.0]),
+            cloud(&[0.0, 1.0, 2.0, 3.0]),
+            PointCloud::new(3, plain.coordinates().to_vec(), NonFinite::Reject).unwrap(),
+            field("a", ScalarType::Uint8, [1.0, 2.0, 3.0]),
+            field("b", ScalarType::Uint8, [1.0, 2.0, 3.0]),
+            field("a", ScalarType::Int8, [1.0, 2.0, 3.0]),
+            field("a", ScalarType::Uint8, [1.0, 2.0, 4.0]),
+            plain.clone().with_faces(vec![[0, 1, 2]]).unwrap(),
+            plain.clone().with_faces(vec![[0, 2, 1]]).unwrap(),
+        ];
+        let digests: std::collections::HashSet<Checksum> =
+            clouds.iter().map(|cloud| digest(cloud).unwrap()).collect();
+        assert_eq!(digests.len(), clouds.len());
+    }
+
+    #[test]
+    fn the_digest_does_not_depend_on_the_width_that_the_coordinates_had_in_the_file() {
+        let wide = cloud(&[0.5, 1.0]);
+        let narrow = wide.clone().with_coordinate_type(ScalarType::Float32);
+        assert_eq!(digest(&wide).unwrap(), digest(&narrow).unwrap());
+    }
+
+    #[test]
+    fn rows_that_repeat_a_position_are_counted_and_rows_without_one_are_not() {
+        let nan = f64::NAN;
+        let repeated = cloud(&[0.0, 1.0, 2.0, 3.0, -0.0, 1.0, 0.0, 1.0, nan, 1.0, nan, 1.0, 1.0, 0.0]);
+        assert_eq!(duplicates(&repeated), 2);
+    }
+
+    #[test]
+    fn chunks_are_cut_at_whole_points_and_end_with_the_cloud() {
+        let numbers: Vec<f64> = (0..2 * (CHUNK_POINTS + 1)).map(|i| i as f64).collect();
+        let cloud = cloud(&numbers);
+        assert_eq!(Part::Coordinates.chunk(&cloud, 0).unwrap().1.len(), CHUNK_POINTS * 16);
+        assert_eq!(Part::Coordinates.chunk(&cloud, 1).unwrap().1.len(), 16);
+        assert!(Part::Coordinates.chunk(&cloud, 2).is_none());
+        assert!(Part::Faces.chunk(&cloud, 0).is_none());
+    }
+
+    #[test]
+    fn half_a_triangle_is_refused() {
+        let mut faces = Vec::new();
+        assert!(read_faces(&u32::write(&[0, 1, 2]), &mut faces));
+        assert!(!read_faces(&u32::write(&[0, 1]), &mut faces));
+        assert!(!read_faces(&[0; 11], &mut faces));
+    }
+}

@@ -1,0 +1,179 @@
+//! Jobs as their owners see them: queued, listed, canceled, deleted.
+
+use futures_util::TryStreamExt;
+use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
+use uuid::Uuid;
+
+use super::rows::{job_record, job_with_id, select_jobs, to_json, word};
+use super::{JobRecord, JobState, Page, Store, StoreError, detached};
+use crate::analysis::{JobKind, Parameters};
+
+impl JobState {
+    /// Whether a job in this state stays in it.
+    #[must_use]
+    pub fn is_terminal(self) -> bool {
+        match self {
+            Self::Queued | Self::Running => false,
+            Self::Succeeded | Self::Failed | Self::Canceled => true,
+        }
+    }
+}
+
+impl Store {
+    /// A job's record.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], [`StoreError::Database`].
+    pub async fn job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        job_with_id(&mut *self.readers.acquire().await?, id).await
+    }
+
+    /// Jobs, newest first, after `cursor`.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn jobs(
+        &self,
+        state: Option<JobState>,
+        cloud: Option<Uuid>,
+        cursor: Option<Uuid>,
+        limit: u32,
+    ) -> Result<Page<JobRecord>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new(concat!(select_jobs!(), "WHERE TRUE"));
+        if let Some(state) = state {
+            query.push(" AND j.state = ").push_bind(word(&state)?);
+        }
+        if let Some(cloud) = cloud {
+            query.push(" AND j.cloud_id = ").push_bind(cloud);
+        }
+        if let Some(cursor) = cursor {
+            query.push(" AND j.id < ").push_bind(cursor);
+        }
+        query.push(" ORDER BY j.id DESC LIMIT ").push_bind(i64::from(limit.max(1)) + 1);
+        let mut records = Vec::new();
+        let mut rows = query.build().fetch(&self.readers);
+        while let Some(row) = rows.try_next().await? {
+            records.push(job_record(&row)?);
+            // A report is up to a hundred kilobytes of JSON: let others onto this thread between two.
+            tokio::task::yield_now().await;
+        }
+        Ok(Page::cut(records, limit, |job| job.id))
+    }
+
+    /// Number of jobs that wait, and number that run.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn live_jobs(&self) -> Result<(u64, u64), StoreError> {
+        let (queued, running): (i64, i64) = sqlx::query_as(
+            "SELECT (SELECT count(*) FROM jobs WHERE state = 'queued'), \
+             (SELECT count(*) FROM jobs WHERE state = 'running')",
+        )
+        .fetch_one(&self.readers)
+        .await?;
+        Ok((queued as u64, running as u64))
+    }
+
+    /// Asks to cancel: a queued job ends at once, a running one at its next heartbeat and never with a result. A
+    /// terminal one stays as it is. Returns the record after.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], [`StoreError::Database`].
+    pub async fn request_cancel(&self, id: Uuid) -> Result<JobRecord, StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let mut transaction = store.write().await?;
+            store.mark_canceled(&mut transaction, id).await?;
+            let job = job_with_id(&mut transaction, id).await?;
+            transaction.commit().await?;
+            store.announce();
+            Ok(job)
+        })
+        .await
+    }
+
+    /// Deletes a terminal job with its result; asks a live one to cancel and returns false.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`], [`StoreError::Database`].
+    pub async fn delete_job(&self, id: Uuid) -> Result<bool, StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let mut transaction = store.write().await?;
+            let terminal = job_with_id(&mut transaction, id).await?.state.is_terminal();
+            if terminal {
+                sqlx::query("DELETE FROM jobs WHERE id = ?1").bind(id).execute(&mut *transaction).await?;
+            } else {
+                store.mark_canceled(&mut transaction, id).await?;
+            }
+            transaction.commit().await?;
+            store.announce();
+            Ok(terminal)
+        })
+        .await
+    }
+
+    async fn mark_canceled(&self, connection: &mut SqliteConnection, id: Uuid) -> Result<(), StoreError> {
+        sqlx::query(
+            "UPDATE jobs SET cancel_requested = 1, \
+             finished = CASE state WHEN 'queued' THEN ?2 END, \
+             state = CASE state WHEN 'queued' THEN 'canceled' ELSE state END \
+             WHERE id = ?1 AND state IN ('queued', 'running')",
+        )
+        .bind(id)
+        .bind(self.now())
+        .execute(connection)
+        .await?;
+        Ok(())
+    }
+
+    /// The job that does this analysis: the one that is there, else a new one (true).
+    ///
+    /// The caller holds the write lock, so what is looked up here cannot change before the insertion; the index
+    /// `jobs_once` says the same to every other writer.
+    pub(super) async fn enqueue(
+        &self,
+        connection: &mut SqliteConnection,
+        cloud: Uuid,
+        kind: JobKind,
+        parameters: &Parameters,
+    ) -> Result<(JobRecord, bool), StoreError> {
+        // Fields in the order of their declaration, numbers in their shortest form: equal parameters, equal text.
+        let (kind, parameters) = (word(&kind)?, to_json(parameters)?);
+        let same = sqlx::query(concat!(
+            select_jobs!(),
+            "WHERE j.cloud_id = ?1 AND j.kind = ?2 AND j.parameters = ?3 \
+             AND j.state IN ('queued', 'running', 'succeeded') AND j.cancel_requested = 0"
+        ))
+        .bind(cloud)
+        .bind(&kind)
+        .bind(&parameters)
+        .fetch_optional(&mut *connection)
+        .await?;
+        if let Some(row) = same {
+            return Ok((job_record(&row)?, false));
+        }
+        self.refuse_when_full(connection).await?;
+        let id = Uuid::now_v7();
+        sqlx::query(
+            "INSERT INTO jobs (id, cloud_id, created, kind, parameters, state) VALUES (?1, ?2, ?3, ?4, ?5, 'queued')",
+        )
+        .bind(id)
+        .bind(cloud)
+        .bind(self.now())
+        .bind(kind)
+        .bind(parameters)
+        .execute(&mut *connection)
+        .await?;
+        Ok((job_with_id(connection, id).await?, true))
+    }
+
+    /// Refuses what would make the queue longer than it may be.
+    pub(super) async fn refuse_when_full(&self, connection: &mut SqliteConnection) -> Result<(), StoreError> {
+        let limit = self.settings.queue_max;
+        let queued: i64 = sqlx::query_scalar("SELECT count(*) FROM jobs WHERE state = 'queued'")
+            .fetch_one(connection)
+            .await?;
+        if queued as u64 >= limit { Err(StoreError::QueueFull { limit }) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,449 @@
+//! Results: bases and other arrays of a job, written under a claim, read once the job has succeeded.
+
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, SqliteConnection};
+use uuid::Uuid;
+
+use super::arrays::{ArrayDigest, Chunked, Number, cut, read_checked};
+use super::rows::count;
+use super::{CHUNK_POINTS, Claim, Store, StoreError, detached, off_thread};
+use crate::analysis::{JobKind, SparseMatrix};
+
+/// An eigenpair as it is stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BasisValues {
+    /// Its place in the spectrum, from 0.
+    pub index: usize,
+    /// λ in 1/length².
+    pub eigenvalue: f64,
+    /// μ, the eigenvalue of the matrix pencil.
+    pub raw_eigenvalue: f64,
+    /// Relative residual.
+    pub residual: f64,
+    /// One value per row of the cloud.
+    pub values: Vec<f64>,
+}
+
+/// An array of a job that is not a basis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ArrayName {
+    /// Mass B of every row.
+    Mass,
+    /// Row offsets of Q.
+    Offsets,
+    /// Columns of Q.
+    Columns,
+    /// Entries of Q.
+    Values,
+}
+
+impl ArrayName {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Mass => "mass",
+            Self::Offsets => "offsets",
+            Self::Columns => "columns",
+            Self::Values => "values",
+        }
+    }
+}
+
+/// The numbers of an array.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Numbers {
+    /// Doubles.
+    F64(Vec<f64>),
+    /// 64-bit counts.
+    U64(Vec<u64>),
+    /// 32-bit indices.
+    U32(Vec<u32>),
+}
+
+impl Numbers {
+    fn len(&self) -> usize {
+        match self {
+            Self::F64(values) => values.len(),
+            Self::U64(values) => values.len(),
+            Self::U32(values) => values.len(),
+        }
+    }
+
+    fn cut(&self) -> Chunked {
+        match self {
+            Self::F64(values) => cut(0, values, CHUNK_POINTS),
+            Self::U64(values) => cut(0, values, CHUNK_POINTS),
+            Self::U32(values) => cut(0, values, CHUNK_POINTS),
+        }
+    }
+}
+
+impl Store {
+    /// Deletes what earlier attempts left of a result.
+    ///
+    /// # Errors
+    /// [`StoreError::LostClaim`], [`StoreError::Database`].
+    pub async fn begin_result(&self, claim: &Claim) -> Result<(), StoreError> {
+        let (store, claim) = (self.clone(), claim.clone());
+        detached(async move {
+            let mut transaction = store.write().await?;
+            store.check_claim(&mut transaction, &claim).await?;
+            clear_result(&mut transaction, claim.job.id).await?;
+            Ok(transaction.commit().await?)
+        })
+        .await
+    }
+
+    /// Stores eigenpairs, all of them in one transaction: a commit waits for the disk, so several per call is faster than
+    /// one. They are invisible until [`Store::finish`].
+    ///
+    /// # Errors
+    /// [`StoreError::LostClaim`]; [`StoreError::Damaged`] for a basis of the wrong length or an eigenvalue or residual
+    /// that is not finite; [`StoreError::Database`].
+    pub async fn put_bases(&self, claim: &Claim, bases: Vec<BasisValues>) -> Result<(), StoreError> {
+        let (store, claim) = (self.clone(), claim.clone());
+        for basis in &bases {
+            check_basis(basis, claim.job.points)?;
+        }
+        detached(async move {
+            let chunked = off_thread(move || {
+                Ok(bases
+                    .into_iter()
+                    .map(|basis| (cut(basis.index, &basis.values, CHUNK_POINTS), basis))
+                    .map(|(cut, basis)| (cut, BasisValues { values: Vec::new(), ..basis }))
+                    .collect::<Vec<_>>())
+            })
+            .await?;
+            let mut transaction = store.write().await?;
+            store.check_claim(&mut transaction, &claim).await?;
+            for (chunked, basis) in chunked {
+                insert_basis(&mut transaction, claim.job.id, &basis, chunked).await?;
+            }
+            Ok(transaction.commit().await?)
+        })
+        .await
+    }
+
+    /// Stores an array in place of one of the same name.
+    ///
+    /// # Errors
+    /// [`StoreError::LostClaim`], [`StoreError::Database`].
+    pub async fn put_array(
+        &self,
+        claim: &Claim,
+        name: ArrayName,
+        numbers: Numbers,
+    ) -> Result<(), StoreError> {
+        let (store, claim) = (self.clone(), claim.clone());
+        detached(async move {
+            let length = numbers.len();
+            let chunked = off_thread(move || Ok(numbers.cut())).await?;
+            let mut transaction = store.write().await?;
+            store.check_claim(&mut transaction, &claim).await?;
+            insert_array(&mut transaction, claim.job.id, name, length, chunked).await?;
+            Ok(transaction.commit().await?)
+        })
+        .await
+    }
+
+    /// Values of basis `index` of a succeeded eigen job, all rows, digest checked.
+    ///
+    /// # Errors
+    /// [`StoreError::NoResult`], [`StoreError`].
+    pub async fn basis(&self, job: Uuid, index: usize) -> Result<Vec<f64>, StoreError> {
+        let mut snapshot = self.read().await?;
+        let points = finished_points(&mut snapshot, job).await?;
+        let digest: Option<Vec<u8>> =
+            sqlx::query_scalar("SELECT digest FROM bases WHERE job_id = ?1 AND idx = ?2")
+                .bind(job)
+                .bind(index as i64)
+                .fetch_optional(&mut *snapshot)
+                .await?;
+        let digest = digest.ok_or(StoreError::NoResult)?;
+        let chunks = points.div_ceil(CHUNK_POINTS);
+        let rows = sqlx::query(
+            "WITH RECURSIVE numbers (chunk) AS \
+             (SELECT 0 UNION ALL SELECT chunk + 1 FROM numbers WHERE chunk + 1 < ?3) \
+             SELECT b.checksum, b.data FROM numbers n \
+             CROSS JOIN basis_chunks b ON b.job_id = ?1 AND b.chunk = n.chunk AND b.idx = ?2",
+        )
+        .bind(job)
+        .bind(index as i64)
+        .bind(chunks as i64)
+        .fetch_all(&mut *snapshot)
+        .await?;
+        off_thread(move || join(index, points, &rows, &digest)).await
+    }
+
+    /// Values of bases `first .. first + count` in the rows of chunk `chunk` (see [`CHUNK_POINTS`]): one vector per
+    /// basis.
+    ///
+    /// # Errors
+    /// [`StoreError::NoResult`], [`StoreError`].
+    pub async fn bases_chunk(
+        &self,
+        job: Uuid,
+        first: usize,
+        count: usize,
+        chunk: usize,
+    ) -> Result<Vec<Vec<f64>>, StoreError> {
+        let mut snapshot = self.read().await?;
+        let points = finished_points(&mut snapshot, job).await?;
+        let bases: i64 = sqlx::query_scalar("SELECT count(*) FROM bases WHERE job_id = ?1")
+            .bind(job)
+            .fetch_one(&mut *snapshot)
+            .await?;
+        if chunk >= points.div_ceil(CHUNK_POINTS) || first.saturating_add(count) > bases as usize {
+            return Err(StoreError::NoResult);
+        }
+        let rows = sqlx::query(
+            "SELECT idx, checksum, data FROM basis_chunks \
+             WHERE job_id = ?1 AND chunk = ?2 AND idx >= ?3 AND idx < ?4 ORDER BY idx",
+        )
+        .bind(job)
+        .bind(chunk as i64)
+        .bind(first as i64)
+        .bind((first + count) as i64)
+        .fetch_all(&mut *snapshot)
+        .await?;
+        let length = CHUNK_POINTS.min(points - chunk * CHUNK_POINTS);
+        off_thread(move || {
+            if rows.len() != count {
+                return Err(StoreError::Damaged(format!("chunk {chunk} lacks {} bases", count - rows.len())));
+            }
+            rows.iter().zip(first..).map(|(row, index)| values_of_length(row, index, chunk, length)).collect()
+        })
+        .await
+    }
+
+    /// Mass B of every row of a succeeded job.
+    ///
+    /// # Errors
+    /// [`StoreError::NoResult`], [`StoreError`].
+    pub async fn mass(&self, job: Uuid) -> Result<Vec<f64>, StoreError> {
+        let mut snapshot = self.read().await?;
+        finished_points(&mut snapshot, job).await?;
+        read_array(&mut snapshot, job, ArrayName::Mass).await
+    }
+
+    /// Q of a succeeded operator job.
+    ///
+    /// # Errors
+    /// [`StoreError::NoResult`], [`StoreError`].
+    pub async fn operator_matrix(&self, job: Uuid) -> Result<SparseMatrix, StoreError> {
+        let mut snapshot = self.read().await?;
+        finished_points(&mut snapshot, job).await?;
+        Ok(SparseMatrix {
+            offsets: read_array(&mut snapshot, job, ArrayName::Offsets).await?,
+            columns: read_array(&mut snapshot, job, ArrayName::Columns).await?,
+            values: read_array(&mut snapshot, job, ArrayName::Values).await?,
+        })
+    }
+
+    /// Refuses to call a result whole that lacks its mass, an eigenpair, or any of an eigenpair's chunks.
+    pub(super) async fn check_whole(
+        &self,
+        connection: &mut SqliteConnection,
+        claim: &Claim,
+        bases: Option<usize>,
+    ) -> Result<(), StoreError> {
+        let (stored, last, chunks, arrays): (i64, i64, i64, i64) = sqlx::query_as(
+            "SELECT (SELECT count(*) FROM bases WHERE job_id = ?1), \
+             (SELECT coalesce(max(idx), -1) FROM bases WHERE job_id = ?1), \
+             (SELECT count(*) FROM basis_chunks WHERE job_id = ?1), \
+             (SELECT count(*) FROM arrays WHERE job_id = ?1)",
+        )
+        .bind(claim.job.id)
+        .fetch_one(connection)
+        .await?;
+        let bases = bases.unwrap_or(0);
+        let expected_chunks = bases * (claim.job.points as usize).div_ceil(CHUNK_POINTS);
+        // The mass, and for an operator job the three arrays of its matrix.
+        let expected_arrays = if claim.job.kind == JobKind::Operator { 4 } else { 1 };
+        let expected = (bases as i64, bases as i64, expected_chunks as i64, expected_arrays);
+        if (stored, last + 1, chunks, arrays) == expected {
+            return Ok(());
+        }
+        Err(StoreError::Damaged(format!(
+            "{stored} of {bases} bases and {arrays} of {expected_arrays} other arrays were stored"
+        )))
+    }
+
+    /// Deletes what a job stored of a result, unless it succeeded or another attempt may be writing.
+    pub(super) async fn clear_result_unless_live(&self, job: Uuid) -> Result<(), StoreError> {
+        let mut transaction = self.write().await?;
+        let ended: bool = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND state IN ('failed', 'canceled'))",
+        )
+        .bind(job)
+        .fetch_one(&mut *transaction)
+        .await?;
+        if ended {
+            clear_result(&mut transaction, job).await?;
+        }
+        Ok(transaction.commit().await?)
+    }
+}
+
+async fn clear_result(connection: &mut SqliteConnection, job: Uuid) -> Result<(), StoreError> {
+    for statement in [
+        "DELETE FROM basis_chunks WHERE job_id = ?1",
+        "DELETE FROM bases WHERE job_id = ?1",
+        "DELETE FROM array_chunks WHERE job_id = ?1",
+        "DELETE FROM arrays WHERE job_id = ?1",
+    ] {
+        sqlx::query(statement).bind(job).execute(&mut *connection).await?;
+    }
+    Ok(())
+}
+
+fn check_basis(basis: &BasisValues, points: u64) -> Result<(), StoreError> {
+    let scalars = [basis.eigenvalue, basis.raw_eigenvalue, basis.residual];
+    if scalars.iter().all(|x| x.is_finite()) && basis.values.len() as u64 == points {
+        return Ok(());
+    }
+    Err(StoreError::Damaged(format!(
+        "basis {} has {} values for {points} points, eigenvalues {} and {}, residual {}",
+        basis.index,
+        basis.values.len(),
+        basis.eigenvalue,
+        basis.raw_eigenvalue,
+        basis.residual
+    )))
+}
+
+async fn insert_basis(
+    connection: &mut SqliteConnection,
+    job: Uuid,
+    basis: &BasisValues,
+    chunked: Chunked,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "INSERT INTO bases (job_id, idx, eigenvalue, raw_eigenvalue, residual, digest) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+    )
+    .bind(job)
+    .bind(basis.index as i64)
+    .bind(basis.eigenvalue)
+    .bind(basis.raw_eigenvalue)
+    .bind(basis.residual)
+    .bind(chunked.digest.as_slice())
+    .execute(&mut *connection)
+    .await?;
+    for (chunk, (checksum, data)) in chunked.chunks.into_iter().enumerate() {
+        sqlx::query(
+            "INSERT INTO basis_chunks (job_id, chunk, idx, checksum, data) VALUES (?1, ?2, ?3, ?4, ?5)",
+        )
+        .bind(job)
+        .bind(chunk as i64)
+        .bind(basis.index as i64)
+        .bind(checksum.as_slice())
+        .bind(data)
+        .execute(&mut *connection)
+        .await?;
+    }
+    Ok(())
+}
+
+async fn insert_array(
+    connection: &mut SqliteConnection,
+    job: Uuid,
+    name: ArrayName,
+    length: usize,
+    chunked: Chunked,
+) -> Result<(), StoreError> {
+    for statement in [
+        "DELETE FROM array_chunks WHERE job_id = ?1 AND name = ?2",
+        "DELETE FROM arrays WHERE job_id = ?1 AND name = ?2",
+    ] {
+        sqlx::query(statement).bind(job).bind(name.name()).execute(&mut *connection).await?;
+    }
+    sqlx::query("INSERT INTO arrays (job_id, name, numbers, digest) VALUES (?1, ?2, ?3, ?4)")
+        .bind(job)
+        .bind(name.name())
+        .bind(length as i64)
+        .bind(chunked.digest.as_slice())
+        .execute(&mut *connection)
+        .await?;
+    for (chunk, (checksum, data)) in chunked.chunks.into_iter().enumerate() {
+        sqlx::query(
+            "INSERT INTO array_chunks (job_id, name, chunk, checksum, data) VALUES (?1, ?2, ?3, ?4, ?5)",
+        )
+        .bind(job)
+        .bind(name.name())
+        .bind(chunk as i64)
+        .bind(checksum.as_slice())
+        .bind(data)
+        .execute(&mut *connection)
+        .await?;
+    }
+    Ok(())
+}
+
+/// Rows of the cloud of a job that succeeded.
+async fn finished_points(connection: &mut SqliteConnection, job: Uuid) -> Result<usize, StoreError> {
+    let row = sqlx::query(
+        "SELECT j.state = 'succeeded' AS succeeded, c.points FROM jobs j JOIN clouds c ON c.id = j.cloud_id \
+         WHERE j.id = ?1",
+    )
+    .bind(job)
+    .fetch_optional(connection)
+    .await?
+    .ok_or(StoreError::NotFound)?;
+    if row.try_get("succeeded")? { Ok(count(&row, "points")? as usize) } else { Err(StoreError::NoResult) }
+}
+
+async fn read_array<T: Number + Send + 'static>(
+    connection: &mut SqliteConnection,
+    job: Uuid,
+    name: ArrayName,
+) -> Result<Vec<T>, StoreError> {
+    let head = sqlx::query("SELECT numbers, digest FROM arrays WHERE job_id = ?1 AND name = ?2")
+        .bind(job)
+        .bind(name.name())
+        .fetch_optional(&mut *connection)
+        .await?
+        .ok_or(StoreError::NoResult)?;
+    let (length, digest) = (count(&head, "numbers")? as usize, head.try_get::<Vec<u8>, _>("digest")?);
+    let rows =
+        sqlx::query("SELECT checksum, data FROM array_chunks WHERE job_id = ?1 AND name = ?2 ORDER BY chunk")
+            .bind(job)
+            .bind(name.name())
+            .fetch_all(connection)
+            .await?;
+    off_thread(move || join(0, length, &rows, &digest)).await
+}
+
+/// Puts chunks together to the array that has this length and digest.
+fn join<T: Number>(
+    index: usize,
+    length: usize,
+    rows: &[SqliteRow],
+    expected: &[u8],
+) -> Result<Vec<T>, StoreError> {
+    let mut values = Vec::with_capacity(length);
+    let mut digest = ArrayDigest::default();
+    for (chunk, row) in rows.iter().enumerate() {
+        let bytes: &[u8] = row.try_get("data")?;
+        digest.add(&read_checked((index, chunk), row.try_get("checksum")?, bytes, &mut values)?);
+    }
+    if values.len() != length || digest.finish().as_slice() != expected {
+        return Err(StoreError::Damaged(format!("array {index} does not match its digest")));
+    }
+    Ok(values)
+}
+
+/// The values of one chunk of one basis.
+fn values_of_length(
+    row: &SqliteRow,
+    index: usize,
+    chunk: usize,
+    length: usize,
+) -> Result<Vec<f64>, StoreError> {
+    let mut values = Vec::with_capacity(length);
+    let bytes: &[u8] = row.try_get("data")?;
+    read_checked((index, chunk), row.try_get("checksum")?, bytes, &mut values)?;
+    if values.len() != length || row.try_get::<i64, _>("idx")? != index as i64 {
+        return Err(StoreError::Damaged(format!("chunk {chunk} of basis {index} is not what it should be")));
+    }
+    Ok(values)
+}

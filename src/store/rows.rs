@@ -1,0 +1,147 @@
+//! Rows of the database as records.
+
+use serde::Serialize;
+use serde::de::value::{Error as WordError, StrDeserializer};
+use serde::de::{DeserializeOwned, IntoDeserializer};
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row, SqliteConnection};
+use uuid::Uuid;
+
+use super::records::{CloudRecord, JobRecord};
+use super::{JobState, StoreError};
+use crate::progress::Phase;
+
+/// Columns and tables from which [`job_record`] reads, to be followed by a condition on `j`.
+macro_rules! select_jobs {
+    () => {
+        "SELECT j.*, c.points, CASE j.state WHEN 'queued' THEN \
+         (SELECT count(*) FROM jobs q WHERE q.state = 'queued' AND q.id < j.id) END AS queue_position \
+         FROM jobs j JOIN clouds c ON c.id = j.cloud_id "
+    };
+}
+pub(super) use select_jobs;
+
+pub(super) async fn job_with_id(
+    connection: &mut SqliteConnection,
+    id: Uuid,
+) -> Result<JobRecord, StoreError> {
+    let row =
+        sqlx::query(concat!(select_jobs!(), "WHERE j.id = ?1")).bind(id).fetch_optional(connection).await?;
+    job_record(&row.ok_or(StoreError::NotFound)?)
+}
+
+pub(super) async fn cloud_with_id(
+    connection: &mut SqliteConnection,
+    id: Uuid,
+) -> Result<CloudRecord, StoreError> {
+    let row = sqlx::query("SELECT * FROM clouds WHERE id = ?1").bind(id).fetch_optional(connection).await?;
+    cloud_record(&row.ok_or(StoreError::NotFound)?)
+}
+
+pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
+    Ok(CloudRecord {
+        id: row.try_get("id")?,
+        created: row.try_get("created")?,
+        digest: hex(row.try_get("digest")?),
+        points: count(row, "points")?,
+        dimension: count(row, "dimension")? as usize,
+        nonfinite: count(row, "nonfinite")?,
+        duplicates: count(row, "duplicates")?,
+        bounding_box: json(row.try_get("bounding_box")?)?,
+        coordinate_type: from_word(row.try_get("coordinate_type")?)?,
+        fields: json(row.try_get("fields")?)?,
+        faces: count(row, "faces")?,
+    })
+}
+
+pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+    let state: JobState = from_word(row.try_get("state")?)?;
+    let phase: Option<&str> = row.try_get("phase")?;
+    let phase: Option<Phase> = phase.map(from_word).transpose()?;
+    let queued_before: Option<i64> = row.try_get("queue_position")?;
+    let report: Option<&str> = row.try_get("report")?;
+    let failure: Option<&str> = row.try_get("failure")?;
+    Ok(JobRecord {
+        id: row.try_get("id")?,
+        cloud_id: row.try_get("cloud_id")?,
+        points: count(row, "points")?,
+        kind: from_word(row.try_get("kind")?)?,
+        state,
+        phase,
+        progress: row.try_get("progress")?,
+        attempt: count(row, "attempt")? as u32,
+        cancel_requested: row.try_get("cancel_requested")?,
+        queue_position: queued_before.map(|position| position as u64),
+        created: row.try_get("created")?,
+        started: row.try_get("started")?,
+        finished: row.try_get("finished")?,
+        phase_seconds: json(row.try_get("phase_seconds")?)?,
+        parameters: json(row.try_get("parameters")?)?,
+        report: report.map(json).transpose()?,
+        failure: failure.map(json).transpose()?,
+    })
+}
+
+/// A column that counts something.
+pub(super) fn count(row: &SqliteRow, column: &'static str) -> Result<u64, StoreError> {
+    let number: i64 = row.try_get(column)?;
+    u64::try_from(number).map_err(|_| StoreError::Damaged(format!("`{column}` is {number}")))
+}
+
+pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, StoreError> {
+    serde_json::from_str(text).map_err(|e| StoreError::Damaged(e.to_string()))
+}
+
+pub(super) fn to_json(value: &impl Serialize) -> Result<String, StoreError> {
+    serde_json::to_string(value).map_err(|e| StoreError::Database(e.to_string()))
+}
+
+/// The word by which a state, kind, phase or type is known: the one in the interface.
+pub(super) fn word(value: &impl Serialize) -> Result<String, StoreError> {
+    match serde_json::to_value(value) {
+        Ok(serde_json::Value::String(word)) => Ok(word),
+        other => Err(StoreError::Database(format!("not a word: {other:?}"))),
+    }
+}
+
+pub(super) fn from_word<T: DeserializeOwned>(word: &str) -> Result<T, StoreError> {
+    let word: StrDeserializer<'_, WordError> = word.into_deserializer();
+    T::deserialize(word).map_err(|e| StoreError::Damaged(e.to_string()))
+}
+
+pub(super) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write;
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        // Writing into a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::analysis::JobKind;
+    use crate::cloud::ScalarType;
+
+    #[test]
+    fn words_of_the_interface_come_back_as_what_they_name() {
+        assert_eq!(word(&JobState::Succeeded).unwrap(), "succeeded");
+        assert_eq!(from_word::<JobState>("succeeded").unwrap(), JobState::Succeeded);
+        assert_eq!(from_word::<JobKind>(&word(&JobKind::Eigen).unwrap()).unwrap(), JobKind::Eigen);
+        assert_eq!(from_word::<ScalarType>(&word(&ScalarType::Uint8).unwrap()).unwrap(), ScalarType::Uint8);
+        for phase in Phase::ALL {
+            assert_eq!(from_word::<Phase>(phase.name()).unwrap(), phase);
+        }
+    }
+
+    #[test]
+    fn an_unknown_word_is_damage() {
+        assert!(matches!(from_word::<JobState>("lost"), Err(StoreError::Damaged(_))));
+    }
+
+    #[test]
+    fn digests_are_shown_with_two_lowercase_digits_per_byte() {
+        assert_eq!(hex(&[0x00, 0x0a, 0xff]), "000aff");
+    }
+}

@@ -1,0 +1,161 @@
+//! What survives a crash, and what the file refuses.
+
+use chladni::store::{ArrayName, JobState, Numbers, Store, StoreError};
+use futures_util::poll;
+use sqlx::ConnectOptions;
+use sqlx::sqlite::SqliteConnectOptions;
+use uuid::Uuid;
+
+use crate::stage::{
+    ATTEMPTS_MAX, Stage, basis, basis_values, bits, cloud, complete, mass, submit, succeeded,
+};
+
+#[tokio::test]
+async fn a_crash_in_the_middle_of_a_result_leaves_none_and_the_job_is_done_again() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = submit(&store, &cloud(50, 1), 3).await.id;
+    let dead = store.claim(Uuid::now_v7()).await.unwrap().unwrap();
+    store.begin_result(&dead).await.unwrap();
+    store.put_array(&dead, ArrayName::Mass, Numbers::F64(mass(50))).await.unwrap();
+    store.put_bases(&dead, vec![basis_values(50, 0), basis_values(50, 1)]).await.unwrap();
+    drop(store);
+
+    let store = stage.open().await;
+    assert!(matches!(store.basis(job, 0).await, Err(StoreError::NoResult)));
+    assert_eq!(stage.number("SELECT count(*) FROM basis_chunks").await, 2);
+    let living = Uuid::now_v7();
+    assert_eq!(store.requeue_orphans(living).await.unwrap(), 1);
+    assert_eq!(store.job(job).await.unwrap().state, JobState::Queued);
+    let left = "SELECT (SELECT count(*) FROM bases) + (SELECT count(*) FROM basis_chunks) + \
+                (SELECT count(*) FROM arrays) + (SELECT count(*) FROM array_chunks)";
+    assert_eq!(stage.number(left).await, 0);
+    assert!(matches!(store.begin_result(&dead).await, Err(StoreError::LostClaim)));
+
+    let claim = store.claim(living).await.unwrap().unwrap();
+    assert_eq!((claim.job.id, claim.job.attempt), (job, 2));
+    assert_eq!(complete(&store, &claim).await.unwrap(), JobState::Succeeded);
+    assert_eq!(bits(&store.basis(job, 2).await.unwrap()), bits(&basis(50, 2)));
+    stage.assert_sound().await;
+}
+
+#[tokio::test]
+async fn an_attempt_that_left_half_a_result_does_not_mix_with_the_next() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    submit(&store, &cloud(50, 1), 3).await;
+    let process = Uuid::now_v7();
+    let claim = store.claim(process).await.unwrap().unwrap();
+    store.put_bases(&claim, vec![basis_values(50, 0), basis_values(50, 9)]).await.unwrap();
+    let retried = chladni::store::JobFailure { code: "internal".to_owned(), detail: "made up".to_owned() };
+    store.fail(&claim, retried, true).await.unwrap();
+    let claim = store.claim(process).await.unwrap().unwrap();
+    assert_eq!(complete(&store, &claim).await.unwrap(), JobState::Succeeded);
+    assert_eq!(stage.number("SELECT count(*) FROM bases").await, 3);
+}
+
+#[tokio::test]
+async fn a_job_that_kills_its_process_ends_failed_after_exactly_three_attempts() {
+    let stage = Stage::new();
+    let poisonous = submit(&stage.open().await, &cloud(5, 1), 2).await.id;
+    let mut attempts = 0;
+    loop {
+        let store = stage.open().await;
+        let process = Uuid::now_v7();
+        store.requeue_orphans(process).await.unwrap();
+        let Some(claim) = store.claim(process).await.unwrap() else { break };
+        assert_eq!(claim.job.id, poisonous);
+        attempts += 1;
+        assert!(attempts <= ATTEMPTS_MAX, "it runs for ever");
+        drop(store);
+    }
+    assert_eq!(attempts, ATTEMPTS_MAX);
+    let store = stage.open().await;
+    let record = store.job(poisonous).await.unwrap();
+    assert_eq!((record.state, record.attempt), (JobState::Failed, ATTEMPTS_MAX));
+    assert_eq!(record.failure.unwrap().code, "crashed");
+    submit(&store, &cloud(5, 2), 2).await;
+    assert!(store.claim(Uuid::now_v7()).await.unwrap().is_some(), "the queue goes on");
+}
+
+#[tokio::test]
+async fn a_living_processes_own_jobs_are_not_orphans() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let process = Uuid::now_v7();
+    submit(&store, &cloud(5, 1), 2).await;
+    let claim = store.claim(process).await.unwrap().unwrap();
+    assert_eq!(store.requeue_orphans(process).await.unwrap(), 0);
+    assert_eq!(complete(&store, &claim).await.unwrap(), JobState::Succeeded);
+}
+
+#[tokio::test]
+async fn readers_go_on_while_a_write_transaction_is_open_and_writers_wait_for_it() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, 50, 2).await;
+    let mut writer = stage.file().await;
+    sqlx::query("BEGIN IMMEDIATE").execute(&mut writer).await.unwrap();
+    sqlx::query("UPDATE jobs SET progress = 0.0").execute(&mut writer).await.unwrap();
+
+    let record = store.job(job).await.unwrap();
+    assert!((record.progress - 1.0).abs() < f64::EPSILON, "what is not committed is not seen");
+    assert_eq!(store.basis(job, 1).await.unwrap().len(), 50);
+    assert_eq!(store.jobs(None, None, None, 5).await.unwrap().items.len(), 1);
+
+    let mut probe = Box::pin(store.probe());
+    assert!(poll!(&mut probe).is_pending());
+    sqlx::query("ROLLBACK").execute(&mut writer).await.unwrap();
+    probe.await.unwrap();
+}
+
+#[tokio::test]
+async fn a_backup_holds_everything_and_overwrites_nothing() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, 50, 2).await;
+    let copy = stage.path().with_file_name("copy.db");
+    store.backup(&copy).await.unwrap();
+    assert!(matches!(store.backup(&copy).await, Err(StoreError::Database(_))));
+    let restored = Store::open(&copy, 10).await.unwrap();
+    assert_eq!(restored.job(job).await.unwrap(), store.job(job).await.unwrap());
+    assert_eq!(bits(&restored.basis(job, 1).await.unwrap()), bits(&basis(50, 1)));
+}
+
+#[tokio::test]
+async fn a_file_that_is_no_database_or_another_applications_is_refused_unchanged() {
+    let stage = Stage::new();
+    let text = b"this is not a database, however long it may be, and it stays what it is".repeat(20);
+    std::fs::write(stage.path(), &text).unwrap();
+    assert!(Store::open(&stage.path(), 10).await.is_err());
+    assert_eq!(std::fs::read(stage.path()).unwrap(), text);
+
+    let foreign = stage.path().with_file_name("foreign.db");
+    let options = SqliteConnectOptions::new().filename(&foreign).create_if_missing(true);
+    let mut connection = options.connect().await.unwrap();
+    sqlx::query("CREATE TABLE songs (title TEXT)").execute(&mut connection).await.unwrap();
+    let refused = Store::open(&foreign, 10).await;
+    assert!(matches!(&refused, Err(StoreError::Database(why)) if why.contains("another application")));
+    let tables: i64 =
+        sqlx::query_scalar("SELECT count(*) FROM sqlite_schema").fetch_one(&mut connection).await.unwrap();
+    assert_eq!(tables, 1);
+}
+
+#[tokio::test]
+async fn a_folder_that_does_not_exist_is_an_error() {
+    let stage = Stage::new();
+    let path = stage.path().with_file_name("nowhere").join("stage.db");
+    assert!(matches!(Store::open(&path, 10).await, Err(StoreError::Database(_))));
+}
+
+#[tokio::test]
+async fn the_file_is_set_up_to_lose_nothing() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    store.probe().await.unwrap();
+    let mut file = stage.file().await;
+    let mode: String = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut file).await.unwrap();
+    assert_eq!(mode, "wal");
+    assert_eq!(stage.number("PRAGMA page_size").await, 16_384);
+    assert_eq!(stage.number("SELECT beats FROM probes").await, 1);
+}

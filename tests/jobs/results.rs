@@ -1,0 +1,181 @@
+//! Results come back bit for bit, or not at all.
+
+use chladni::analysis::JobKind;
+use chladni::progress::Phase;
+use chladni::store::{ArrayName, BasisValues, CHUNK_POINTS, Claim, JobState, Numbers, Store, StoreError};
+use uuid::Uuid;
+
+use crate::stage::{
+    Stage, basis, basis_values, bits, cloud, complete, mass, matrix, parameters, report, submit, succeeded,
+    vitals,
+};
+
+const N: usize = 2 * CHUNK_POINTS + 5;
+
+async fn claimed(store: &Store, n: usize, bases: usize) -> Claim {
+    submit(store, &cloud(n, 1), bases).await;
+    store.claim(Uuid::now_v7()).await.unwrap().unwrap()
+}
+
+#[tokio::test]
+async fn bases_read_by_column_and_by_chunk_are_the_bits_that_were_stored() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, N, 5).await;
+    for j in 0..5 {
+        assert_eq!(bits(&store.basis(job, j).await.unwrap()), bits(&basis(N, j)));
+    }
+    for chunk in 0..3 {
+        let rows = chunk * CHUNK_POINTS..N.min((chunk + 1) * CHUNK_POINTS);
+        let read = store.bases_chunk(job, 1, 3, chunk).await.unwrap();
+        assert_eq!(read.len(), 3);
+        for (values, j) in read.iter().zip(1..) {
+            assert_eq!(bits(values), bits(&basis(N, j)[rows.clone()]));
+        }
+    }
+    assert_eq!(bits(&store.mass(job).await.unwrap()), bits(&mass(N)));
+    let record = store.job(job).await.unwrap();
+    assert_eq!(record.state, JobState::Succeeded);
+    assert_eq!(record.report, Some(report(N, 5)));
+    assert_eq!(record.phase_seconds, [(Phase::Eigenpairs, 1.5)]);
+    assert!((record.progress - 1.0).abs() < f64::EPSILON);
+    stage.assert_sound().await;
+}
+
+#[tokio::test]
+async fn what_lies_beyond_the_bases_or_the_points_is_no_result() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, N, 2).await;
+    assert!(matches!(store.basis(job, 2).await, Err(StoreError::NoResult)));
+    assert!(matches!(store.bases_chunk(job, 1, 2, 0).await, Err(StoreError::NoResult)));
+    assert!(matches!(store.bases_chunk(job, usize::MAX, 2, 0).await, Err(StoreError::NoResult)));
+    assert!(matches!(store.bases_chunk(job, 0, 2, 3).await, Err(StoreError::NoResult)));
+    assert_eq!(store.bases_chunk(job, 2, 0, 0).await.unwrap(), Vec::<Vec<f64>>::new());
+    assert!(matches!(store.operator_matrix(job).await, Err(StoreError::NoResult)));
+    assert!(matches!(store.basis(Uuid::now_v7(), 0).await, Err(StoreError::NotFound)));
+}
+
+#[tokio::test]
+async fn an_operator_job_gives_its_matrix_back() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    store.submit(&cloud(N, 1), Some((JobKind::Operator, parameters(3)))).await.unwrap();
+    let claim = store.claim(Uuid::now_v7()).await.unwrap().unwrap();
+    let mut report = report(N, 0);
+    report.spectrum = None;
+    let stored = matrix(N);
+    store.begin_result(&claim).await.unwrap();
+    store.put_array(&claim, ArrayName::Mass, Numbers::F64(mass(N))).await.unwrap();
+    store.put_array(&claim, ArrayName::Offsets, Numbers::U64(stored.offsets.clone())).await.unwrap();
+    store.put_array(&claim, ArrayName::Columns, Numbers::U32(stored.columns.clone())).await.unwrap();
+    let early = store.finish(&claim, &report, &vitals()).await;
+    assert!(matches!(early, Err(StoreError::Damaged(_))), "without its values: {early:?}");
+    store.put_array(&claim, ArrayName::Values, Numbers::F64(stored.values.clone())).await.unwrap();
+    assert_eq!(store.finish(&claim, &report, &vitals()).await.unwrap(), JobState::Succeeded);
+    assert_eq!(store.operator_matrix(claim.job.id).await.unwrap(), stored);
+    assert!(matches!(store.basis(claim.job.id, 0).await, Err(StoreError::NoResult)));
+}
+
+#[tokio::test]
+async fn no_part_of_a_result_is_visible_before_the_job_succeeds() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let claim = claimed(&store, 30, 2).await;
+    let job = claim.job.id;
+    store.begin_result(&claim).await.unwrap();
+    store.put_array(&claim, ArrayName::Mass, Numbers::F64(mass(30))).await.unwrap();
+    store.put_bases(&claim, vec![basis_values(30, 0), basis_values(30, 1)]).await.unwrap();
+    assert!(matches!(store.basis(job, 0).await, Err(StoreError::NoResult)));
+    assert!(matches!(store.bases_chunk(job, 0, 1, 0).await, Err(StoreError::NoResult)));
+    assert!(matches!(store.mass(job).await, Err(StoreError::NoResult)));
+    store.finish(&claim, &report(30, 2), &vitals()).await.unwrap();
+    assert!(store.basis(job, 0).await.is_ok());
+}
+
+#[tokio::test]
+async fn a_result_that_lacks_a_part_is_not_called_whole() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let claim = claimed(&store, 30, 2).await;
+    store.begin_result(&claim).await.unwrap();
+    store.put_bases(&claim, vec![basis_values(30, 0)]).await.unwrap();
+    store.put_array(&claim, ArrayName::Mass, Numbers::F64(mass(30))).await.unwrap();
+    assert!(matches!(store.finish(&claim, &report(30, 2), &vitals()).await, Err(StoreError::Damaged(_))));
+    store.put_bases(&claim, vec![basis_values(30, 2)]).await.unwrap();
+    assert!(matches!(store.finish(&claim, &report(30, 2), &vitals()).await, Err(StoreError::Damaged(_))));
+    assert_eq!(store.job(claim.job.id).await.unwrap().state, JobState::Running);
+    assert_eq!(complete(&store, &claim).await.unwrap(), JobState::Succeeded);
+}
+
+#[tokio::test]
+async fn a_basis_that_does_not_fit_the_cloud_or_is_no_number_is_refused() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let claim = claimed(&store, 30, 2).await;
+    let short = basis_values(29, 0);
+    let infinite = BasisValues { eigenvalue: f64::INFINITY, ..basis_values(30, 0) };
+    let unknown = BasisValues { residual: f64::NAN, ..basis_values(30, 0) };
+    for basis in [short, infinite, unknown] {
+        assert!(matches!(store.put_bases(&claim, vec![basis]).await, Err(StoreError::Damaged(_))));
+    }
+}
+
+#[tokio::test]
+async fn a_report_that_cannot_be_read_back_is_refused() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let claim = claimed(&store, 30, 2).await;
+    let mut broken = report(30, 2);
+    broken.spectrum.as_mut().unwrap().residuals[1] = f64::NAN;
+    assert!(matches!(store.finish(&claim, &broken, &vitals()).await, Err(StoreError::Damaged(_))));
+}
+
+#[tokio::test]
+async fn damaged_bytes_are_reported_as_damaged_whichever_way_they_are_read() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, N, 2).await;
+    let changed = stage
+        .tamper(
+            "UPDATE basis_chunks SET data = CAST(zeroblob(length(data)) AS BLOB) WHERE idx = 1 AND chunk = 1",
+        )
+        .await;
+    assert_eq!(changed, 1);
+    assert!(matches!(store.basis(job, 1).await, Err(StoreError::Damaged(_))));
+    assert!(matches!(store.bases_chunk(job, 0, 2, 1).await, Err(StoreError::Damaged(_))));
+    assert!(store.basis(job, 0).await.is_ok());
+    assert!(store.bases_chunk(job, 0, 2, 0).await.is_ok());
+}
+
+#[tokio::test]
+async fn missing_and_misplaced_chunks_are_damage() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, N, 3).await;
+    stage.tamper("DELETE FROM basis_chunks WHERE idx = 0 AND chunk = 2").await;
+    assert!(matches!(store.basis(job, 0).await, Err(StoreError::Damaged(_))));
+    assert!(matches!(store.bases_chunk(job, 0, 3, 2).await, Err(StoreError::Damaged(_))));
+    stage.tamper("UPDATE basis_chunks SET chunk = chunk + 10 WHERE idx = 1").await;
+    stage.tamper("UPDATE basis_chunks SET chunk = (12 - chunk) % 3 WHERE idx = 1").await;
+    assert!(matches!(store.basis(job, 1).await, Err(StoreError::Damaged(_))));
+    stage.tamper("UPDATE bases SET digest = zeroblob(32) WHERE idx = 2").await;
+    assert!(matches!(store.basis(job, 2).await, Err(StoreError::Damaged(_))));
+}
+
+#[tokio::test]
+async fn damaged_masses_and_clouds_are_reported_too() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, N, 1).await;
+    stage.tamper("UPDATE array_chunks SET data = substr(data, 2) WHERE chunk = 0").await;
+    assert!(matches!(store.mass(job).await, Err(StoreError::Damaged(_))));
+
+    let cloud = store.job(job).await.unwrap().cloud_id;
+    stage.tamper("UPDATE cloud_chunks SET data = zeroblob(length(data)) WHERE chunk = 2").await;
+    assert!(matches!(store.load_cloud(cloud).await, Err(StoreError::Damaged(_))));
+    stage.tamper("UPDATE cloud_chunks SET data = substr(data, 2) WHERE chunk = 2").await;
+    assert!(matches!(store.load_cloud(cloud).await, Err(StoreError::Damaged(_))));
+    stage.tamper("DELETE FROM cloud_chunks").await;
+    assert!(matches!(store.load_cloud(cloud).await, Err(StoreError::Damaged(_))));
+}
