@@ -1,0 +1,1 @@
+//! Placeholder while the readers are compiled.
