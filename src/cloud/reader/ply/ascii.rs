@@ -120,7 +120,8 @@ fn value(
         );
         return Err(ReadError::line(FORMAT, line.number, message));
     }
-    Ok(value)
+    // The same file in binary has the value in its type.
+    Ok(if kind == ScalarType::Float32 { f64::from(value as f32) } else { value })
 }
 
 fn missing(property: &Property, line: &Line<'_>) -> ReadError {
