@@ -2,6 +2,7 @@
 
 mod error;
 pub mod reader;
+mod scalar;
 pub mod shapes;
 pub mod writer;
 
