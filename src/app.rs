@@ -5,6 +5,7 @@ mod settings;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
@@ -14,7 +15,7 @@ use tokio_util::sync::CancellationToken;
 pub use settings::Settings;
 
 use crate::http::{self, Keys, Service};
-use crate::jobs::{Compute, Worker};
+use crate::jobs::{Analyze, Compute, ComputeError, Jobs, analyses};
 use crate::store::{Store, StoreError, StoreSettings};
 
 /// Why the service did not start.
@@ -60,7 +61,7 @@ pub struct App {
     address: SocketAddr,
     stopping: CancellationToken,
     listening: JoinHandle<()>,
-    worker: Worker,
+    jobs: Arc<Jobs>,
     store: Store,
     grace: Duration,
 }
@@ -71,6 +72,14 @@ impl App {
     /// # Errors
     /// [`StartError`]; nothing is left running then.
     pub async fn start(settings: Settings) -> Result<Self, StartError> {
+        Self::start_with(settings, analyses()).await
+    }
+
+    /// As [`Self::start`], with another analysis in place of the library's.
+    ///
+    /// # Errors
+    /// [`StartError`]; nothing is left running then.
+    pub async fn start_with(settings: Settings, analyze: Arc<Analyze>) -> Result<Self, StartError> {
         let keys = read_keys(&settings)?;
         if !settings.listen.ip().is_loopback() && keys.is_none() && !settings.allow_public {
             return Err(StartError::Public(settings.listen));
@@ -80,12 +89,15 @@ impl App {
         let address = listener.local_addr().map_err(refused)?;
         let store = open_store(&settings).await?;
         let stopping = CancellationToken::new();
-        let compute =
-            Compute::new(settings.threads()).map_err(|error| StartError::Threads(error.to_string()))?;
-        let worker = Worker::start(store.clone(), compute.clone(), settings.jobs_at_once);
+        let threads = |error: ComputeError| StartError::Threads(error.to_string());
+        let computing = Compute::new("compute", settings.threads()).map_err(threads)?;
+        let compute = Compute::new("read", settings.threads()).map_err(threads)?;
+        let jobs = Jobs::start(store.clone(), computing, analyze, settings.jobs()).await;
+        let jobs = Arc::new(jobs.map_err(|cause| unusable_database(&settings, cause))?);
         let service = Service {
             store: store.clone(),
             compute,
+            jobs: Arc::clone(&jobs),
             limits: settings.limits(),
             keys,
             stopping: stopping.clone(),
@@ -94,7 +106,7 @@ impl App {
             listener::serve(listener, http::router(service), settings.connections(), stopping.clone());
         let listening = tokio::spawn(serving);
         tracing::info!(%address, database = %settings.database.display(), "listening");
-        Ok(Self { address, stopping, listening, worker, store, grace: settings.grace() })
+        Ok(Self { address, stopping, listening, jobs, store, grace: settings.grace() })
     }
 
     /// The address that is listened on.
@@ -108,7 +120,7 @@ impl App {
     pub async fn shutdown(self) {
         tracing::info!("stopping");
         self.stopping.cancel();
-        let (ended, ()) = tokio::join!(self.listening, self.worker.stop(self.grace));
+        let (ended, ()) = tokio::join!(self.listening, self.jobs.stop(self.grace));
         if let Err(error) = ended {
             tracing::error!(%error, "the listener ended badly");
         }
@@ -121,7 +133,11 @@ async fn open_store(settings: &Settings) -> Result<Store, StartError> {
     let store_settings = StoreSettings { queue_max: settings.queue_max, ..StoreSettings::default() };
     Store::open_with(&settings.database, store_settings)
         .await
-        .map_err(|cause| StartError::Database { path: settings.database.clone(), cause })
+        .map_err(|cause| unusable_database(settings, cause))
+}
+
+fn unusable_database(settings: &Settings, cause: StoreError) -> StartError {
+    StartError::Database { path: settings.database.clone(), cause }
 }
 
 fn read_keys(settings: &Settings) -> Result<Option<Keys>, StartError> {

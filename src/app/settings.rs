@@ -1,12 +1,14 @@
 //! Every setting of the service, from flags and environment, with its unit.
 
 use std::net::{Ipv4Addr, SocketAddr};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use super::listener::Connections;
 use crate::cloud::reader;
 use crate::http::Limits;
+use crate::jobs::JobsSettings;
 
 /// How the service runs, and what it accepts at most.
 #[derive(Debug, Clone, clap::Args)]
@@ -102,7 +104,16 @@ impl Default for Settings {
 
 impl Settings {
     pub(super) fn threads(&self) -> usize {
-        if self.threads > 0 { self.threads } else { std::thread::available_parallelism().map_or(1, usize::from) }
+        if self.threads > 0 {
+            self.threads
+        } else {
+            std::thread::available_parallelism().map_or(1, usize::from)
+        }
+    }
+
+    pub(super) fn jobs(&self) -> JobsSettings {
+        let concurrent = NonZeroUsize::new(self.jobs_at_once).unwrap_or(NonZeroUsize::MIN);
+        JobsSettings { concurrent, ..JobsSettings::default() }
     }
 
     pub(super) fn grace(&self) -> Duration {

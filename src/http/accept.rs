@@ -16,13 +16,16 @@ pub struct Offer {
 /// JSON.
 pub const JSON: Offer = Offer { name: "json", media_types: &["application/json"] };
 /// NumPy array file.
-pub const NPY: Offer = Offer { name: "npy", media_types: &["application/x-npy", "application/npy", "application/octet-stream"] };
+pub const NPY: Offer =
+    Offer { name: "npy", media_types: &["application/x-npy", "application/npy", "application/octet-stream"] };
 /// Binary PLY.
-pub const PLY: Offer = Offer { name: "ply", media_types: &["application/ply", "model/ply", "application/x-ply"] };
+pub const PLY: Offer =
+    Offer { name: "ply", media_types: &["application/ply", "model/ply", "application/x-ply"] };
 /// Comma-separated values.
 pub const CSV: Offer = Offer { name: "csv", media_types: &["text/csv"] };
 /// Matrix Market.
-pub const MTX: Offer = Offer { name: "mtx", media_types: &["text/x-matrix-market", "application/x-matrix-market"] };
+pub const MTX: Offer =
+    Offer { name: "mtx", media_types: &["text/x-matrix-market", "application/x-matrix-market"] };
 /// SciPy's sparse archive.
 pub const NPZ: Offer = Offer { name: "npz", media_types: &["application/x-npz", "application/zip"] };
 
@@ -42,7 +45,8 @@ pub fn choose(named: Option<&str>, headers: &HeaderMap, offers: &[Offer]) -> Res
     if let Some(name) = named {
         return offers.iter().find(|offer| offer.name == name).copied().ok_or_else(|| refuse(name, offers));
     }
-    let accept: Vec<_> = headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok()).collect();
+    let accept: Vec<_> =
+        headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok()).collect();
     if accept.iter().all(|value| value.trim().is_empty()) {
         return Ok(offers[0]);
     }
@@ -59,9 +63,13 @@ pub fn choose(named: Option<&str>, headers: &HeaderMap, offers: &[Offer]) -> Res
 
 fn refuse(wish: &str, offers: &[Offer]) -> Problem {
     let shown: String = wish.chars().take(120).collect();
-    let names: Vec<_> = offers.iter().map(|offer| format!("{} ({})", offer.name, offer.media_type())).collect();
-    Problem::new(Kind::NotAcceptable, format!("`{shown}` is not offered here; offered are {}", names.join(", ")))
-        .with("accepted", offers.iter().map(|offer| offer.name).collect::<Vec<_>>())
+    let names: Vec<_> =
+        offers.iter().map(|offer| format!("{} ({})", offer.name, offer.media_type())).collect();
+    Problem::new(
+        Kind::NotAcceptable,
+        format!("`{shown}` is not offered here; offered are {}", names.join(", ")),
+    )
+    .with("accepted", offers.iter().map(|offer| offer.name).collect::<Vec<_>>())
 }
 
 /// The q-value of `media` in an `Accept` header, by the most specific range that matches it (RFC 9110 §12.5.1).

@@ -14,11 +14,11 @@ use uuid::Uuid;
 
 use super::accept::{self, JSON, NPY, Offer, PLY};
 use super::download::Download;
-use super::interleave::{self, Column};
 use super::problem::{Kind, Problem, ProblemDocument};
 use super::query::{Accepts, Argument, Arguments, arguments};
 use super::rows::{self, RowLayout};
 use super::{Service, Shared, parse_id, points, spectrum};
+use crate::cloud::writer::{Column, encode_rows, ply_columns, ply_properties};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::jobs::Compute;
 use crate::store::{CHUNK_POINTS, Store};
@@ -157,7 +157,8 @@ pub(super) async fn respond(
         PLY => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
         _ => None,
     };
-    let layout = selection.layout(cloud.as_deref(), kind);
+    let (planned, shown) = (selection.clone(), cloud.clone());
+    let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
     download.length = Some(layout.length());
     download.answer(method, headers, |span| {
         layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
@@ -174,10 +175,18 @@ fn selected(arguments: &Arguments, available: usize) -> Result<Range<usize>, Pro
     }
     Err(Problem::new(
         Kind::InvalidParameter,
-        format!("the job has {available} bases, 0 to {}; first={first} and count={count} reach beyond", available - 1),
+        format!(
+            "the job has {available} bases, 0 to {}; first={first} and count={count} reach beyond",
+            available - 1
+        ),
     )
     .with("parameter", if first < available as u64 { "count" } else { "first" })
     .with("available", available))
+}
+
+/// Coordinates of a point in PLY: viewers want three at least.
+fn axes(cloud: &PointCloud) -> usize {
+    cloud.dimension().max(3)
 }
 
 fn refuse_large_json(selection: &Selection) -> Result<(), Problem> {
@@ -202,22 +211,30 @@ impl Selection {
         match cloud {
             None => points::npy_layout(self.rows, self.bases.len(), kind),
             Some(cloud) => {
-                let properties = self.bases.clone().map(|basis| (format!("basis_{basis}"), kind));
+                let mut properties = ply_properties(cloud);
+                properties.truncate(axes(cloud));
+                properties.extend(self.bases.clone().map(|basis| (format!("basis_{basis}"), kind)));
                 points::ply_layout(cloud, properties)
             }
         }
     }
 
     /// The bytes of a chunk of rows.
-    async fn chunk(self, chunk: usize, cloud: Option<Arc<PointCloud>>, kind: ScalarType) -> Result<Vec<u8>, Problem> {
+    async fn chunk(
+        self,
+        chunk: usize,
+        cloud: Option<Arc<PointCloud>>,
+        kind: ScalarType,
+    ) -> Result<Vec<u8>, Problem> {
         let Range { start, end } = self.bases;
         let values = self.store.bases_chunk(self.job, start, end - start, chunk).await?;
         let first = chunk * CHUNK_POINTS;
         let rows = CHUNK_POINTS.min(self.rows - first);
         let encode = move || {
-            let mut columns = cloud.as_deref().map_or_else(Vec::new, |cloud| points::coordinate_columns(cloud, first));
+            let mut columns = cloud.as_deref().map_or_else(Vec::new, |cloud| ply_columns(cloud, first));
+            columns.truncate(cloud.as_deref().map_or(0, axes));
             columns.extend(values.iter().map(|values| Column { values, stride: 1, kind }));
-            interleave::rows(&columns, rows)
+            encode_rows(&columns, rows)
         };
         Ok(self.compute.run(encode).await?)
     }

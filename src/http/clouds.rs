@@ -154,7 +154,11 @@ pub async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<CloudP
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn show(State(service): State<Shared>, Path(id): Path<String>, uri: Uri) -> Result<Json<CloudView>, Problem> {
+pub async fn show(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<Json<CloudView>, Problem> {
     Nothing::read(&uri)?;
     let cloud = service.store.cloud(parse_id(&id)?).await?;
     Ok(Json(CloudView::load(&service.store, &cloud).await?))
@@ -173,7 +177,11 @@ pub async fn show(State(service): State<Shared>, Path(id): Path<String>, uri: Ur
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn delete(State(service): State<Shared>, Path(id): Path<String>, uri: Uri) -> Result<StatusCode, Problem> {
+pub async fn delete(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<StatusCode, Problem> {
     Nothing::read(&uri)?;
     service.store.delete_cloud(parse_id(&id)?).await?;
     Ok(StatusCode::NO_CONTENT)

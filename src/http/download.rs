@@ -98,11 +98,14 @@ pub fn is_known(headers: &HeaderMap, etag: &str) -> bool {
 /// The single byte range asked for, clipped to `length`. Several ranges, other units and ranges that depend on
 /// another version are answered with the whole, as RFC 9110 §14.2 permits.
 fn span(headers: &HeaderMap, etag: &str, length: u64) -> Result<Option<Range<u64>>, Problem> {
-    let Some(range) = headers.get(header::RANGE).and_then(|value| value.to_str().ok()) else { return Ok(None) };
+    let Some(range) = headers.get(header::RANGE).and_then(|value| value.to_str().ok()) else {
+        return Ok(None);
+    };
     if headers.get(header::IF_RANGE).is_some_and(|condition| condition.as_bytes() != etag.as_bytes()) {
         return Ok(None);
     }
-    let Some((first, last)) = range.strip_prefix("bytes=").and_then(|range| range.trim().split_once('-')) else {
+    let Some((first, last)) = range.strip_prefix("bytes=").and_then(|range| range.trim().split_once('-'))
+    else {
         return Ok(None);
     };
     let number = |text: &str| text.trim().parse::<u64>().ok();
@@ -123,9 +126,12 @@ fn span(headers: &HeaderMap, etag: &str, length: u64) -> Result<Option<Range<u64
     if wanted.start < wanted.end {
         return Ok(Some(wanted));
     }
-    Err(Problem::new(Kind::RangeNotSatisfiable, format!("the result has {length} bytes; `{range}` selects none"))
-        .with_header(header::CONTENT_RANGE, format!("bytes */{length}"))
-        .with("length", length))
+    Err(Problem::new(
+        Kind::RangeNotSatisfiable,
+        format!("the result has {length} bytes; `{range}` selects none"),
+    )
+    .with_header(header::CONTENT_RANGE, format!("bytes */{length}"))
+    .with("length", length))
 }
 
 #[cfg(test)]

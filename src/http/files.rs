@@ -36,7 +36,12 @@ pub async fn file(
 ) -> Result<Response, Problem> {
     let (resource, ending) = file.split_once('.').unwrap_or((&file, ""));
     let among = |offers: &[Offer]| offers.iter().find(|offer| offer.name == ending).copied();
-    let nothing = || Problem::new(Kind::NotFound, format!("there is no result `{file}`; GET /jobs/{id} links those there are"));
+    let nothing = || {
+        Problem::new(
+            Kind::NotFound,
+            format!("there is no result `{file}`; GET /jobs/{id} links those there are"),
+        )
+    };
     match resource {
         "bases" => {
             let offer = among(&bases::OFFERS).ok_or_else(nothing)?;

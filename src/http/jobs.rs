@@ -161,7 +161,8 @@ impl JobView {
 
 /// The end foretold from the share that is done, when the last attempt runs.
 fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> {
-    let started = job.started.filter(|_| job.state == JobState::Running && job.progress >= FORESEEABLE_FROM)?;
+    let started =
+        job.started.filter(|_| job.state == JobState::Running && job.progress >= FORESEEABLE_FROM)?;
     let elapsed = (now - started).max(0) as f64 / 1e3;
     let seconds = elapsed * (1.0 - job.progress) / job.progress;
     Some((seconds * 10.0).round() / 10.0)
@@ -315,7 +316,11 @@ pub(super) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Resu
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn cancel(State(service): State<Shared>, Path(id): Path<String>, uri: Uri) -> Result<Response, Problem> {
+pub async fn cancel(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<Response, Problem> {
     Nothing::read(&uri)?;
     let job = service.store.request_cancel(parse_id(&id)?).await?;
     let status = if job.state.is_terminal() { StatusCode::OK } else { StatusCode::ACCEPTED };
@@ -337,7 +342,11 @@ pub async fn cancel(State(service): State<Shared>, Path(id): Path<String>, uri: 
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn delete(State(service): State<Shared>, Path(id): Path<String>, uri: Uri) -> Result<Response, Problem> {
+pub async fn delete(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<Response, Problem> {
     Nothing::read(&uri)?;
     let id = parse_id(&id)?;
     if service.store.delete_job(id).await? {

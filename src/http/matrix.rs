@@ -16,11 +16,14 @@ use crate::analysis::SparseMatrix;
 /// None; the signature is that of [`scipy_archive`].
 pub fn matrix_market(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
     let n = matrix.offsets.len() - 1;
-    let lower = (0..n).map(|row| row_entries(matrix, row).filter(|(column, _)| *column <= row).count()).sum::<usize>();
+    let lower = (0..n)
+        .map(|row| row_entries(matrix, row).filter(|(column, _)| *column <= row).count())
+        .sum::<usize>();
     let mut text = format!("%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {lower}\n").into_bytes();
     for row in 0..n {
         for (column, value) in row_entries(matrix, row).filter(|(column, _)| *column <= row) {
-            writeln!(text, "{} {} {value:e}", row + 1, column + 1).map_err(|error| Problem::internal(&error))?;
+            writeln!(text, "{} {} {value:e}", row + 1, column + 1)
+                .map_err(|error| Problem::internal(&error))?;
         }
     }
     Ok(text)

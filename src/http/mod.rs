@@ -9,7 +9,6 @@ mod drain;
 mod files;
 mod health;
 mod index;
-mod interleave;
 mod jobs;
 mod keys;
 mod matrix;
@@ -43,7 +42,7 @@ pub use openapi::document;
 pub use problem::{Problem, ProblemDocument};
 
 use crate::cloud::reader;
-use crate::jobs::Compute;
+use crate::jobs::{Compute, Jobs};
 use crate::store::Store;
 use problem::Kind;
 
@@ -66,8 +65,10 @@ pub struct Limits {
 pub struct Service {
     /// The database.
     pub store: Store,
-    /// The way to the compute threads.
+    /// Threads that parse and encode, apart from those that analyse.
     pub compute: Compute,
+    /// The workers, to be woken when a job was queued.
+    pub jobs: Arc<Jobs>,
     /// Limits.
     pub limits: Limits,
     /// Accepted keys; `None` when none is asked for.
@@ -123,7 +124,10 @@ async fn no_such_path(uri: Uri) -> Problem {
 }
 
 async fn no_such_method(method: Method, uri: Uri) -> Problem {
-    Problem::new(Kind::MethodNotAllowed, format!("{} does not support {method}; Allow lists what it does", uri.path()))
+    Problem::new(
+        Kind::MethodNotAllowed,
+        format!("{} does not support {method}; Allow lists what it does", uri.path()),
+    )
 }
 
 fn panicked(_: Box<dyn std::any::Any + Send>) -> axum::response::Response {

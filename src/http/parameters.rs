@@ -9,7 +9,12 @@ use crate::analysis::{JobKind, Parameters};
 /// Most bases that any configuration may allow.
 const BASES_CEILING: u64 = 10_000;
 
-const fn argument(name: &'static str, accepts: Accepts, default: &'static str, meaning: &'static str) -> Argument {
+const fn argument(
+    name: &'static str,
+    accepts: Accepts,
+    default: &'static str,
+    meaning: &'static str,
+) -> Argument {
     Argument { name, alias: None, accepts, default, meaning }
 }
 
@@ -23,7 +28,12 @@ pub const KIND: &[Argument] = &[argument(
 
 /// The fields of [`Parameters`].
 pub const PARAMETERS: &[Argument] = &[
-    argument("operator", Accepts::Word(&["pb-mhb", "voronoi"]), "pb-mhb", "The discrete Laplace–Beltrami operator."),
+    argument(
+        "operator",
+        Accepts::Word(&["pb-mhb", "voronoi"]),
+        "pb-mhb",
+        "The discrete Laplace–Beltrami operator.",
+    ),
     argument(
         "bases",
         Accepts::Integer(1, BASES_CEILING),
@@ -37,7 +47,12 @@ pub const PARAMETERS: &[Argument] = &[
         default: "1e-4",
         meaning: "Largest relative residual of an eigenpair.",
     },
-    argument("t", Accepts::Positive, "from t_factor", "Time of the heat kernel, in squared units of the cloud."),
+    argument(
+        "t",
+        Accepts::Positive,
+        "from t_factor",
+        "Time of the heat kernel, in squared units of the cloud.",
+    ),
     argument("t_factor", Accepts::Positive, "by operator", "The same as a multiple of ε²."),
     argument(
         "delta",
@@ -93,23 +108,14 @@ pub fn read(arguments: &Arguments, bases_max: usize) -> Result<(JobKind, Paramet
         Some("operator") => JobKind::Operator,
         _ => JobKind::Eigen,
     };
-    let parameters: Parameters =
-        serde_json::from_value(Value::Object(arguments.of(PARAMETERS))).map_err(|error| Problem::internal(&error))?;
+    let parameters: Parameters = serde_json::from_value(Value::Object(arguments.of(PARAMETERS)))
+        .map_err(|error| Problem::internal(&error))?;
     if parameters.bases > bases_max {
         let bases = Argument { accepts: Accepts::Integer(1, bases_max as u64), ..PARAMETERS[1] };
         return Err(bases.refuse(&parameters.bases.to_string()));
     }
     parameters.check()?;
     Ok((kind, parameters))
-}
-
-/// Lowercase name of a kind.
-#[must_use]
-pub fn kind_name(kind: JobKind) -> &'static str {
-    match kind {
-        JobKind::Operator => "operator",
-        JobKind::Eigen => "eigen",
-    }
 }
 
 #[cfg(test)]
@@ -141,7 +147,8 @@ mod tests {
         for word in words {
             assert!(serde_json::from_value::<OperatorKind>((*word).into()).is_ok(), "{word}");
         }
-        let known = schema["enum"].as_array().map_or_else(|| schema["oneOf"].as_array().unwrap().len(), Vec::len);
+        let known =
+            schema["enum"].as_array().map_or_else(|| schema["oneOf"].as_array().unwrap().len(), Vec::len);
         assert_eq!(known, words.len(), "{schema}");
     }
 

@@ -10,12 +10,14 @@ use utoipa::ToSchema;
 
 use super::accept::{self, JSON, NPY, Offer, PLY};
 use super::download::Download;
-use super::interleave::{self, Column};
 use super::problem::{Problem, ProblemDocument};
 use super::query::{Accepts, Argument, arguments};
 use super::rows::RowLayout;
 use super::{Shared, matrix, parse_id};
-use crate::cloud::{PointCloud, ScalarType, writer};
+use crate::cloud::writer::{
+    PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header, ply_columns, ply_properties,
+};
+use crate::cloud::{PointCloud, ScalarType};
 use crate::store::CHUNK_POINTS;
 
 /// What they can be had as.
@@ -73,7 +75,8 @@ pub async fn points(
     let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
     let id = parse_id(&id)?;
     let cloud = Arc::new(service.store.load_cloud(id).await?);
-    let mut download = Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
+    let mut download =
+        Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
     if offer == JSON {
         let text = service.compute.run(move || json(&cloud)).await??;
         download.length = Some(text.len() as u64);
@@ -83,7 +86,7 @@ pub async fn points(
         npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)
     } else {
         let shown = Arc::clone(&cloud);
-        service.compute.run(move || whole_layout(&shown)).await?
+        service.compute.run(move || ply_layout(&shown, ply_properties(&shown))).await?
     };
     download.length = Some(layout.length());
     let compute = service.compute.clone();
@@ -104,41 +107,36 @@ fn json(cloud: &PointCloud) -> Result<Vec<u8>, Problem> {
 /// The bytes of a chunk of rows, with all fields in PLY.
 fn encode(cloud: &PointCloud, offer: Offer, chunk: usize) -> Vec<u8> {
     let first = chunk * CHUNK_POINTS;
-    let mut columns = coordinate_columns(cloud, first);
-    if offer == NPY {
-        columns.iter_mut().for_each(|column| column.kind = ScalarType::Float64);
-    } else {
-        let fields = cloud.fields().iter();
-        columns.extend(fields.map(|field| Column { values: &field.values[first..], stride: 1, kind: field.kind }));
+    let rows = CHUNK_POINTS.min(cloud.len() - first);
+    if offer == PLY {
+        return encode_rows(&ply_columns(cloud, first), rows);
     }
-    interleave::rows(&columns, CHUNK_POINTS.min(cloud.len() - first))
-}
-
-/// The coordinates from row `first` on.
-#[must_use]
-pub fn coordinate_columns(cloud: &PointCloud, first: usize) -> Vec<Column<'_>> {
-    let stride = cloud.dimension();
-    let from = &cloud.coordinates()[first * stride..];
-    (0..stride).map(|axis| Column { values: &from[axis..], stride, kind: cloud.coordinate_type() }).collect()
+    let mut columns = ply_columns(cloud, first);
+    columns.truncate(cloud.dimension());
+    columns.iter_mut().for_each(|column| column.kind = ScalarType::Float64);
+    encode_rows(&columns, rows)
 }
 
 /// A NumPy array of `rows` × `columns` numbers, in C order.
 #[must_use]
 pub fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLayout {
-    RowLayout { header: writer::npy_header(rows, columns, kind), stride: columns * kind.size(), rows, tail: Vec::new() }
+    RowLayout {
+        header: npy_header(rows, columns, kind),
+        stride: columns * kind.size(),
+        rows,
+        tail: Vec::new(),
+    }
 }
 
-/// A binary PLY with the coordinates and `properties` of every point.
+/// A binary PLY with these properties of every point, and the cloud's faces.
 #[must_use]
-pub fn ply_layout(cloud: &PointCloud, properties: impl Iterator<Item = (String, ScalarType)>) -> RowLayout {
-    let axes = (0..cloud.dimension()).map(|axis| (writer::axis_name(axis), cloud.coordinate_type()));
-    let properties: Vec<_> = axes.chain(properties).collect();
-    let stride = properties.iter().map(|(_, kind)| kind.size()).sum();
-    RowLayout { header: writer::ply_header(&properties, cloud.len(), 0), stride, rows: cloud.len(), tail: Vec::new() }
-}
-
-/// The cloud as it was uploaded: fields and faces too.
-fn whole_layout(cloud: &PointCloud) -> RowLayout {
-    let fields = cloud.fields().iter().map(|field| (field.name.clone(), field.kind));
-    ply_layout(cloud, fields)
+pub fn ply_layout(cloud: &PointCloud, properties: Vec<(String, ScalarType)>) -> RowLayout {
+    let encoding = PlyEncoding::BinaryLittleEndian;
+    let header = PlyHeader { encoding, points: cloud.len(), properties, faces: cloud.faces().len() };
+    RowLayout {
+        header: header.to_bytes(),
+        stride: header.stride(),
+        rows: cloud.len(),
+        tail: encode_faces(cloud.faces(), encoding),
+    }
 }

@@ -176,7 +176,10 @@ impl Problem {
     #[must_use]
     pub fn internal(cause: &dyn std::fmt::Display) -> Self {
         tracing::error!(%cause, "internal error");
-        Self::new(Kind::Internal, "the request could not be completed; the service's log has the cause under request_id")
+        Self::new(
+            Kind::Internal,
+            "the request could not be completed; the service's log has the cause under request_id",
+        )
     }
 
     /// Adds an extension member.
@@ -277,7 +280,9 @@ impl From<StoreError> for Problem {
                 tracing::error!(%error, "the database cannot grow");
                 Self::new(Kind::StorageFull, "the service has no space left to store this")
             }
-            StoreError::LostClaim | StoreError::Damaged(_) | StoreError::Database(_) => Self::internal(&error),
+            StoreError::LostClaim | StoreError::Damaged(_) | StoreError::Database(_) => {
+                Self::internal(&error)
+            }
         }
     }
 }
@@ -286,7 +291,8 @@ impl From<AnalysisError> for Problem {
     fn from(error: AnalysisError) -> Self {
         match error {
             AnalysisError::Parameter { name, reason } => {
-                Self::new(Kind::InvalidParameter, format!("parameter `{name}`: {reason}")).with("parameter", name)
+                Self::new(Kind::InvalidParameter, format!("parameter `{name}`: {reason}"))
+                    .with("parameter", name)
             }
             AnalysisError::Cloud(reason) | AnalysisError::Unsupported(reason) => {
                 Self::new(Kind::UnusableCloud, reason)
@@ -305,10 +311,12 @@ impl From<CloudError> for Problem {
 impl From<ReadError> for Problem {
     fn from(error: ReadError) -> Self {
         let kind = match &error {
-            ReadError::Empty | ReadError::Truncated { .. } | ReadError::Malformed { .. } => Kind::MalformedFile,
-            ReadError::TooManyPoints { .. } | ReadError::TooManyFields { .. } | ReadError::TooManyFaces { .. } => {
-                Kind::TooLarge
+            ReadError::Empty | ReadError::Truncated { .. } | ReadError::Malformed { .. } => {
+                Kind::MalformedFile
             }
+            ReadError::TooManyPoints { .. }
+            | ReadError::TooManyFields { .. }
+            | ReadError::TooManyFaces { .. } => Kind::TooLarge,
             ReadError::DimensionColumns { .. } => Kind::InvalidParameter,
             ReadError::Dimension { .. } | ReadError::Cloud(_) => Kind::UnusableCloud,
         };

@@ -248,12 +248,16 @@ fn find(name: &str, tables: &[&'static [Argument]]) -> Result<&'static Argument,
         .filter(|(similarity, _)| *similarity >= SLIP_SIMILARITY)
         .max_by(|a, b| a.0.total_cmp(&b.0));
     let known = all().map(|argument| argument.name).collect::<Vec<_>>();
-    let problem = |detail| Problem::new(ProblemKind::UnknownParameter, detail).with("parameter", shown.clone());
+    let problem =
+        |detail| Problem::new(ProblemKind::UnknownParameter, detail).with("parameter", shown.clone());
     Err(match nearest {
         Some((_, nearest)) => {
-            problem(format!("there is no parameter `{shown}` here; did you mean `{nearest}`?")).with("nearest", nearest)
+            problem(format!("there is no parameter `{shown}` here; did you mean `{nearest}`?"))
+                .with("nearest", nearest)
         }
-        None if known.is_empty() => problem(format!("there is no parameter `{shown}` here; none is accepted")),
+        None if known.is_empty() => {
+            problem(format!("there is no parameter `{shown}` here; none is accepted"))
+        }
         None => problem(format!("there is no parameter `{shown}` here; known are {}", known.join(", "))),
     }
     .with("accepted", known))

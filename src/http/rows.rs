@@ -82,7 +82,12 @@ mod tests {
 
     /// Rows are their own number, four bytes each; then a tail.
     fn layout() -> RowLayout {
-        RowLayout { header: b"HEADER".to_vec(), stride: 4, rows: 2 * CHUNK_POINTS + 100, tail: b"TAIL".to_vec() }
+        RowLayout {
+            header: b"HEADER".to_vec(),
+            stride: 4,
+            rows: 2 * CHUNK_POINTS + 100,
+            tail: b"TAIL".to_vec(),
+        }
     }
 
     async fn bytes(span: Range<u64>) -> Vec<u8> {
@@ -101,7 +106,15 @@ mod tests {
         assert_eq!(whole.len() as u64, length);
         assert_eq!(&whole[..10], b"HEADER\0\0\0\0");
         let chunk = (CHUNK_POINTS * 4) as u64;
-        for span in [0..3, 2..9, 6..7, 5 + chunk..8 + chunk, 6 + chunk..6 + 2 * chunk, length - 1..length, length - 9..length - 2] {
+        for span in [
+            0..3,
+            2..9,
+            6..7,
+            5 + chunk..8 + chunk,
+            6 + chunk..6 + 2 * chunk,
+            length - 1..length,
+            length - 9..length - 2,
+        ] {
             assert_eq!(bytes(span.clone()).await, whole[span.start as usize..span.end as usize], "{span:?}");
         }
     }

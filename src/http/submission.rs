@@ -209,12 +209,18 @@ async fn job_arguments(request: Request) -> Result<Arguments, Problem> {
     let json: Value =
         serde_json::from_slice(&bytes).map_err(|error| malformed(format!("the body is no JSON: {error}")))?;
     let Value::Object(object) = json else {
-        return Err(malformed("the body is no JSON object; send parameters as in {\"bases\": 50}".to_owned()));
+        return Err(malformed(
+            "the body is no JSON object; send parameters as in {\"bases\": 50}".to_owned(),
+        ));
     };
     Arguments::from_json(object, &[KIND, PARAMETERS])
 }
 
-async fn receive(service: &Service, request: Request, file_name: Option<String>) -> Result<Response, Problem> {
+async fn receive(
+    service: &Service,
+    request: Request,
+    file_name: Option<String>,
+) -> Result<Response, Problem> {
     let arguments = SubmitCloud::read(request.uri())?;
     let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
     let wait = preferred_wait(request.headers());
@@ -251,18 +257,28 @@ fn read(
 /// Seconds of `Prefer: wait=N` (RFC 7240 §4.3).
 fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
     let preferences = headers.get_all("prefer");
-    let mut preferences = preferences.iter().filter_map(|value| value.to_str().ok()).flat_map(|value| value.split(','));
-    let seconds = preferences.find_map(|preference| preference.trim().strip_prefix("wait=")?.parse::<u64>().ok())?;
+    let mut preferences =
+        preferences.iter().filter_map(|value| value.to_str().ok()).flat_map(|value| value.split(','));
+    let seconds =
+        preferences.find_map(|preference| preference.trim().strip_prefix("wait=")?.parse::<u64>().ok())?;
     Some(Duration::from_secs(seconds.min(WAIT_SECONDS_MAX)))
 }
 
-async fn answer(service: &Service, submitted: Submitted, wait: Option<Duration>) -> Result<Response, Problem> {
+async fn answer(
+    service: &Service,
+    submitted: Submitted,
+    wait: Option<Duration>,
+) -> Result<Response, Problem> {
     let Submitted { cloud, mut job, cloud_created, job_created } = submitted;
+    if job_created {
+        service.jobs.wake();
+    }
     if let (Some(wait), Some(queued)) = (wait, &job) {
         job = Some(jobs::settled(service, queued.id, wait).await?);
     }
     let cloud_path = format!("/clouds/{}", cloud.id);
-    let mut links = BTreeMap::from([("cloud", cloud_path.clone()), ("points", format!("{cloud_path}/points"))]);
+    let mut links =
+        BTreeMap::from([("cloud", cloud_path.clone()), ("points", format!("{cloud_path}/points"))]);
     let (status, location) = match &job {
         None if cloud_created => (StatusCode::CREATED, cloud_path),
         None => (StatusCode::OK, cloud_path),
@@ -309,7 +325,12 @@ mod tests {
 
     #[test]
     fn a_preferred_wait_is_bounded() {
-        let wait = |value| preferred_wait(&HeaderMap::from_iter([(HeaderName::from_static("prefer"), HeaderValue::from_static(value))]));
+        let wait = |value| {
+            preferred_wait(&HeaderMap::from_iter([(
+                HeaderName::from_static("prefer"),
+                HeaderValue::from_static(value),
+            )]))
+        };
         assert_eq!(wait("respond-async, wait=7"), Some(Duration::from_secs(7)));
         assert_eq!(wait("wait=7000"), Some(Duration::from_secs(WAIT_SECONDS_MAX)));
         assert_eq!(wait("wait=soon"), None);

@@ -49,7 +49,10 @@ impl Upload {
 
     async fn from_multipart(request: Request, limits: &Limits) -> Result<Self, Problem> {
         let mut parts = Multipart::from_request(request, &()).await.map_err(|rejection| {
-            Problem::new(Kind::MalformedRequest, format!("the multipart body cannot be read: {}", rejection.body_text()))
+            Problem::new(
+                Kind::MalformedRequest,
+                format!("the multipart body cannot be read: {}", rejection.body_text()),
+            )
         })?;
         while let Some(part) = within(limits.stall, parts.next_field()).await?.map_err(malformed)? {
             let Some(file_name) = part.file_name().map(str::to_owned) else { continue };
@@ -142,4 +145,3 @@ fn unsupported(reason: &str) -> Problem {
     )
     .with("accepted", names)
 }
-
