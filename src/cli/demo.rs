@@ -1,5 +1,7 @@
 //! `chladni demo`: a synthetic scan through the whole service, over HTTP, in a directory of its own.
 
+#![allow(clippy::print_stderr)] // progress is shown there
+
 mod client;
 mod report;
 
@@ -8,6 +10,9 @@ use std::path::{Path, PathBuf};
 
 use chladni::app::{App, Settings, StartError, told_to_stop};
 use chladni::cloud::PointCloud;
+use chladni::cloud::reader::Format;
+use chladni::cloud::shapes::{SampleError, SampleRequest, Sampling, Shape, sample};
+use chladni::cloud::writer::write;
 use hyper::Method;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
@@ -18,6 +23,8 @@ use client::{Client, ClientError};
 const LOOK_SECONDS: u64 = 1;
 /// Of the bar.
 const PERCENT: f64 = 100.0;
+/// Standard deviation of the scan's noise; the torus is two units long.
+const NOISE: f64 = 0.001;
 
 /// Show what the service does, on a synthetic scan.
 #[derive(Debug, clap::Args)]
@@ -55,6 +62,9 @@ pub enum DemoError {
     /// A file or a signal.
     #[error("{0}")]
     System(#[from] std::io::Error),
+    /// The scan cannot be made.
+    #[error(transparent)]
+    Sample(#[from] SampleError),
     /// The job did not succeed.
     #[error("the job ended {state}: {detail}")]
     Job {
@@ -98,7 +108,8 @@ struct Directory {
 impl Directory {
     fn open(given: Option<PathBuf>) -> Result<Self, std::io::Error> {
         let temporary = given.is_none();
-        let path = given.unwrap_or_else(|| std::env::temp_dir().join(format!("chladni-demo-{}", uuid::Uuid::now_v7())));
+        let path = given
+            .unwrap_or_else(|| std::env::temp_dir().join(format!("chladni-demo-{}", uuid::Uuid::now_v7())));
         std::fs::create_dir_all(&path)?;
         Ok(Self { path, temporary })
     }
@@ -106,18 +117,17 @@ impl Directory {
 
 impl Drop for Directory {
     fn drop(&mut self) {
-        if self.temporary && let Err(error) = std::fs::remove_dir_all(&self.path) {
+        if self.temporary
+            && let Err(error) = std::fs::remove_dir_all(&self.path)
+        {
             tracing::warn!(%error, directory = %self.path.display(), "cannot remove the temporary directory");
         }
     }
 }
 
 async fn start(args: &DemoArgs, directory: &Path) -> Result<App, StartError> {
-    let settings = Settings {
-        listen: args.listen,
-        database: directory.join("chladni.db"),
-        ..Settings::default()
-    };
+    let settings =
+        Settings { listen: args.listen, database: directory.join("chladni.db"), ..Settings::default() };
     match App::start(settings.clone()).await {
         Err(StartError::Listen { cause, .. }) if cause.kind() == std::io::ErrorKind::AddrInUse => {
             eprintln!("{} is taken; using a free port.", args.listen);
@@ -128,16 +138,22 @@ async fn start(args: &DemoArgs, directory: &Path) -> Result<App, StartError> {
 }
 
 async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
-    let (cloud, description) = scan(args.points)?;
-    let file = ply(&cloud);
+    let cloud = scan(args.points)?;
+    let mut file = Vec::new();
+    write(&cloud, Format::Ply, &mut file)?;
     let address = app.address();
-    eprintln!("The scan: {description}, {} points, {} KB of binary PLY.", cloud.len(), file.len() >> 10);
+    eprintln!(
+        "The scan: a torus with two holes, tenfold denser at one end than at the other, with noise; {} points, {} KB of PLY.",
+        cloud.len(),
+        file.len() >> 10
+    );
     eprintln!("PUT http://{address}/clouds?bases={}", args.bases);
     let mut client = Client::connect(address).await?;
     let path = format!("/clouds?bases={}", args.bases);
     let accepted = client.send(Method::PUT, &path, Some("application/x-ply"), file).await?;
     let accepted: Value = serde_json::from_slice(&accepted).map_err(ClientError::from)?;
-    let id = accepted["job"]["id"].as_str().ok_or_else(|| DemoError::Answer("no job id".to_owned()))?.to_owned();
+    let id =
+        accepted["job"]["id"].as_str().ok_or_else(|| DemoError::Answer("no job id".to_owned()))?.to_owned();
     let job = follow(&mut client, &id).await?;
     let spectrum = client.json(&format!("/jobs/{id}/spectrum")).await?;
     let orthogonality = report::orthogonality(&mut client, &id, cloud.len(), args.bases).await?;
@@ -145,10 +161,17 @@ async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
     Ok(())
 }
 
+/// Noisy and unevenly sampled, as scans are.
+fn scan(points: usize) -> Result<PointCloud, SampleError> {
+    let even = SampleRequest::new(Shape::TwoHoleTorus, points);
+    sample(&SampleRequest { sampling: Sampling::NonUniform, noise: NOISE, ..even })
+}
+
 /// Shows the job's progress until it ends.
 async fn follow(client: &mut Client, id: &str) -> Result<Value, DemoError> {
     let style = ProgressStyle::with_template("{msg:>15} [{bar:40}] {percent}% {elapsed}");
-    let bar = ProgressBar::new(PERCENT as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    let bar =
+        ProgressBar::new(PERCENT as u64).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     loop {
         let job = client.json(&format!("/jobs/{id}?wait={LOOK_SECONDS}")).await?;
         let state = job["state"].as_str().unwrap_or_default().to_owned();

@@ -69,7 +69,7 @@ arguments!(
 
 /// Bases as JSON.
 #[derive(Debug, Serialize, ToSchema)]
-#[allow(dead_code)] // describes what is written number by number
+#[allow(dead_code, clippy::struct_field_names)] // describes what is written number by number
 pub struct Bases {
     /// Rows of the upload.
     points: u64,
@@ -150,8 +150,9 @@ pub(super) async fn respond(
     let mut download = Download { offer, tag, stem: format!("bases-{}", job.id), length: None };
     if offer == JSON {
         refuse_large_json(&selection)?;
-        let eigenvalues = spectrum.eigenvalues[bases].to_vec();
-        return download.answer(method, headers, |_| selection.json(eigenvalues));
+        let eigenvalues =
+            serde_json::to_string(&spectrum.eigenvalues[bases]).map_err(|error| Problem::internal(&error))?;
+        return download.answer(method, headers, |_| selection.json(&eigenvalues));
     }
     let cloud = match offer {
         PLY => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
@@ -240,9 +241,8 @@ impl Selection {
     }
 
     /// The whole as JSON, a basis at a time.
-    fn json(self, eigenvalues: Vec<f64>) -> Body {
+    fn json(self, eigenvalues: &str) -> Body {
         let (first, count) = (self.bases.start, self.bases.len());
-        let eigenvalues = serde_json::to_string(&eigenvalues).unwrap_or_default();
         let head = format!(
             "{{\"points\":{},\"first\":{first},\"count\":{count},\"eigenvalues\":{eigenvalues},\"bases\":[",
             self.rows
@@ -251,7 +251,7 @@ impl Selection {
             let selection = self.clone();
             async move {
                 let text = selection.json_basis(basis).await;
-                text.map(|text| text.into()).map_err(|problem| rows::broken(&problem))
+                text.map(Bytes::from).map_err(|problem| rows::broken(&problem))
             }
         });
         let whole = stream::iter([Ok(Bytes::from(head))]).chain(bases).chain(stream::iter([Ok("]}".into())]));

@@ -28,6 +28,17 @@ pub const WAIT_SECONDS_MAX: u64 = 60;
 /// Share of the work below which no end is foretold.
 const FORESEEABLE_FROM: f64 = 0.02;
 
+/// Parameters that an analysis derives from the cloud, and where its report has them.
+const DERIVED: [(&str, &str); 7] = [
+    ("t", "/heat_kernel/t"),
+    ("delta", "/heat_kernel/delta"),
+    ("epsilon", "/sampling/epsilon"),
+    ("isometric_cells", "/additions/isometric_cells"),
+    ("truncation_compensation", "/additions/truncation_compensation"),
+    ("sheet_aware", "/additions/sheet_aware"),
+    ("heat_correction", "/additions/heat_correction"),
+];
+
 /// Longest page of a listing.
 pub const PAGE_MAX: u64 = 200;
 /// Page of a listing when nothing is said.
@@ -168,11 +179,21 @@ fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> 
     Some((seconds * 10.0).round() / 10.0)
 }
 
+/// Those submitted, overlaid with those that the analysis derived from the cloud.
 fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
-    match serde_json::to_value(&job.parameters) {
-        Ok(Value::Object(parameters)) => parameters,
+    let object = |value: serde_json::Result<Value>| match value {
+        Ok(Value::Object(object)) => object,
         _ => Map::new(),
+    };
+    let mut parameters = object(serde_json::to_value(&job.parameters));
+    let Some(report) = &job.report else { return parameters };
+    let report = Value::Object(object(serde_json::to_value(report)));
+    for (name, path) in DERIVED {
+        if let Some(value) = report.pointer(path).filter(|value| !value.is_null()) {
+            parameters.insert(name.to_owned(), value.clone());
+        }
     }
+    parameters
 }
 
 fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
@@ -263,7 +284,7 @@ pub async fn show(
     let wait = Duration::from_secs(arguments.integer("wait").unwrap_or(0));
     let job = settled(&service, parse_id(&id)?, wait).await?;
     let body = serde_json::to_vec(&JobView::new(&job, now())).map_err(|error| Problem::internal(&error))?;
-    let etag = format!("\"{}\"", hex(&Sha256::digest(&body)[..12]));
+    let etag = format!("\"{}\"", Uuid::from_slice(&Sha256::digest(&body)[..16]).unwrap_or_default().simple());
     let mut response = if download::is_known(&headers, &etag) {
         StatusCode::NOT_MODIFIED.into_response()
     } else {
@@ -277,10 +298,6 @@ pub async fn show(
         response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(RETRY_SECONDS));
     }
     Ok(response)
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The job once it has ended, or as it is after `wait`, or when the service stops.

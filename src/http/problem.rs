@@ -158,7 +158,10 @@ impl Kind {
 
 /// A problem on its way to the client; [`super::request`] completes it with the request's id.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Problem {
+pub struct Problem(Box<Content>);
+
+#[derive(Debug, Clone, PartialEq)]
+struct Content {
     kind: Kind,
     detail: String,
     members: Map<String, Value>,
@@ -169,7 +172,7 @@ impl Problem {
     /// A problem whose `detail` says what is wrong and what would be accepted.
     #[must_use]
     pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        Self { kind, detail: detail.into(), members: Map::new(), headers: Vec::new() }
+        Self(Box::new(Content { kind, detail: detail.into(), members: Map::new(), headers: Vec::new() }))
     }
 
     /// An error of ours: `cause` is logged, the client learns only that it happened.
@@ -185,34 +188,34 @@ impl Problem {
     /// Adds an extension member.
     #[must_use]
     pub fn with(mut self, member: &str, value: impl Into<Value>) -> Self {
-        self.members.insert(member.to_owned(), value.into());
+        self.0.members.insert(member.to_owned(), value.into());
         self
     }
 
     /// Adds a header to the answer.
     #[must_use]
     pub fn with_header(mut self, name: header::HeaderName, value: impl Into<String>) -> Self {
-        self.headers.push((name, value.into()));
+        self.0.headers.push((name, value.into()));
         self
     }
 
     /// The kind.
     #[must_use]
     pub fn kind(&self) -> Kind {
-        self.kind
+        self.0.kind
     }
 
     /// The document.
     #[must_use]
     pub fn document(&self, instance: Option<String>, request_id: Option<String>) -> ProblemDocument {
         ProblemDocument {
-            kind: format!("/problems/{}", self.kind.name()),
-            title: self.kind.title().to_owned(),
-            status: self.kind.status().as_u16(),
-            detail: self.detail.clone(),
+            kind: format!("/problems/{}", self.0.kind.name()),
+            title: self.0.kind.title().to_owned(),
+            status: self.0.kind.status().as_u16(),
+            detail: self.0.detail.clone(),
             instance,
             request_id,
-            members: self.members.clone(),
+            members: self.0.members.clone(),
         }
     }
 
@@ -228,8 +231,8 @@ impl Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let mut response = self.kind.status().into_response();
-        for (name, value) in &self.headers {
+        let mut response = self.0.kind.status().into_response();
+        for (name, value) in &self.0.headers {
             if let Ok(value) = HeaderValue::from_str(value) {
                 response.headers_mut().insert(name, value);
             }

@@ -77,7 +77,8 @@ impl Client {
         content_type: Option<&str>,
         body: Vec<u8>,
     ) -> Result<Bytes, ClientError> {
-        let mut request = Request::builder().method(method.clone()).uri(path).header(header::HOST, &self.host);
+        let mut request =
+            Request::builder().method(method.clone()).uri(path).header(header::HOST, &self.host);
         if let Some(content_type) = content_type {
             request = request.header(header::CONTENT_TYPE, content_type);
         }

@@ -13,7 +13,12 @@ use super::client::Client;
 ///
 /// # Errors
 /// [`DemoError::Answer`] when they have not the right shape.
-pub async fn orthogonality(client: &mut Client, id: &str, points: usize, bases: usize) -> Result<f64, DemoError> {
+pub async fn orthogonality(
+    client: &mut Client,
+    id: &str,
+    points: usize,
+    bases: usize,
+) -> Result<f64, DemoError> {
     let answer = |reason: String| DemoError::Answer(reason);
     let file = client.get(&format!("/jobs/{id}/bases?format=npy")).await?;
     let array = npyz::NpyFile::new(&file[..])?;
@@ -22,7 +27,8 @@ pub async fn orthogonality(client: &mut Client, id: &str, points: usize, bases: 
     }
     let values = array.into_vec::<f64>()?;
     let text = client.get(&format!("/jobs/{id}/operator?format=mtx&matrix=b")).await?;
-    let mass = diagonal(&String::from_utf8_lossy(&text), points).ok_or_else(|| answer("masses".to_owned()))?;
+    let mass =
+        diagonal(&String::from_utf8_lossy(&text), points).ok_or_else(|| answer("masses".to_owned()))?;
     let mut gram = vec![0.0; bases * bases];
     for (row, mass) in values.chunks(bases).zip(&mass).filter(|(_, mass)| **mass > 0.0) {
         for (i, left) in row.iter().enumerate() {
@@ -58,7 +64,8 @@ fn print_spectrum(spectrum: &Value) {
     let number = |list: &str, i: usize| spectrum[list][i].as_f64().unwrap_or(f64::NAN);
     for i in 0..spectrum["eigenvalues"].as_array().map_or(0, Vec::len) {
         let (eigenvalue, raw) = (number("eigenvalues", i), number("raw_eigenvalues", i));
-        let wavelength = if i == 0 { f64::INFINITY } else { std::f64::consts::TAU / eigenvalue.max(0.0).sqrt() };
+        let wavelength =
+            if i == 0 { f64::INFINITY } else { std::f64::consts::TAU / eigenvalue.max(0.0).sqrt() };
         println!("{i:5} {eigenvalue:17.9} {raw:15.9} {:11.1e} {wavelength:19.6}", number("residuals", i));
     }
 }
@@ -71,7 +78,8 @@ fn print_certificates(job: &Value, spectrum: &Value, orthogonality: f64) {
         }
     }
     if let Some(seconds) = job["phase_seconds"].as_object() {
-        let phases = seconds.iter().map(|(phase, s)| format!("{phase} {:.2} s", s.as_f64().unwrap_or(f64::NAN)));
+        let phases =
+            seconds.iter().map(|(phase, s)| format!("{phase} {:.2} s", s.as_f64().unwrap_or(f64::NAN)));
         println!("Time: {}.", phases.collect::<Vec<_>>().join(", "));
     }
     for warning in job["warnings"].as_array().into_iter().flatten() {
@@ -86,7 +94,9 @@ fn print_next(address: SocketAddr, job: &str, cloud: &str) {
         format!("curl http://{address}/jobs/{job}/spectrum.csv"),
         format!("curl -O http://{address}/jobs/{job}/bases.ply     # opens in CloudCompare and MeshLab"),
         format!("curl -O http://{address}/jobs/{job}/bases.npy     # numpy.load('bases.npy')"),
-        format!("curl -d '{{\"operator\": \"voronoi\", \"bases\": 50}}' http://{address}/clouds/{cloud}/jobs"),
+        format!(
+            "curl -d '{{\"operator\": \"voronoi\", \"bases\": 50}}' http://{address}/clouds/{cloud}/jobs"
+        ),
         format!("curl -T your-scan.ply 'http://{address}/clouds?bases=50'"),
         format!("curl http://{address}/capabilities"),
     ] {
