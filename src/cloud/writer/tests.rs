@@ -165,6 +165,13 @@ fn npy_is_what_npyz_reads_and_can_be_mapped() {
     let bytes = [npy_header(3, 2, ScalarType::Float64), encode_rows(&columns, 3)].concat();
     let values: Vec<f64> = npyz::NpyFile::new(&bytes[..]).unwrap().into_vec().unwrap();
     assert_eq!(values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let bytes = [
+        npy_header_by_columns(3, 2, ScalarType::Float64),
+        encode_rows(&columns[..1], 3),
+        encode_rows(&columns[1..], 3),
+    ];
+    let back = read(&bytes.concat(), Format::Npy, &ReadOptions::default()).unwrap();
+    assert_eq!(back.coordinates(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
     let vector = encode_rows(&[column(&[1.5, -2.5], ScalarType::Float32)], 2);
     let bytes = [npy_vector_header(2, ScalarType::Float32), vector].concat();
     let values: Vec<f32> = npyz::NpyFile::new(&bytes[..]).unwrap().into_vec().unwrap();
@@ -186,4 +193,9 @@ fn every_row_holds_its_number_of_every_column() {
         assert_eq!(bytes[4..12], (2.0 * row as f64 + 1.0).to_le_bytes());
         assert_eq!(bytes[12], row as u8);
     }
+    let mut columnwise = vec![0; 200 * 13];
+    for (column, offset) in columns.iter().zip([0, 4, 12]) {
+        encode_column(*column, &mut columnwise, 13, offset);
+    }
+    assert_eq!(columnwise, bytes);
 }
