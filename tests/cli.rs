@@ -85,7 +85,7 @@ fn the_same_seed_gives_the_same_file() {
 #[case("sample sphere -o a.stl", "ply, obj, off, xyz, csv, npy are possible")]
 #[case("sample sphere -n 0 -o a.ply", "points=0: 1 to 10000000 are possible")]
 #[case("sample sphere --angle 30 -o a.ply", "angle=30")]
-#[case("sample sphere --noise -1 -o a.ply", "noise")]
+#[case("sample sphere --noise -1 -o a.ply", "noise=-1")]
 #[case("sample flat-torus-4 -o a.off", "flat-torus-4 has 4")]
 #[case("analyze missing.ply -o out", "missing.ply")]
 #[case("analyze bad.xyz -o out", "bad.xyz: XYZ, line 2: `two` is no number")]

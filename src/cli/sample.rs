@@ -25,7 +25,7 @@ pub(crate) struct SampleArgs {
     sampling: Sampling,
 
     /// Standard deviation of Gaussian noise along every axis, in units of the shape
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     noise: f64,
 
     /// Seed of the random numbers; the same seed gives the same file
