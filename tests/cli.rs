@@ -1,5 +1,7 @@
 //! The commands that work on files, run as a user runs them.
 
+#![allow(clippy::unwrap_used)] // a test that cannot go on has failed
+
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -104,8 +106,9 @@ fn what_the_caller_can_mend_is_told_in_one_line_with_exit_code_2(
     write("bad.xyz", b"1 2 3\n1 two 3\n");
     write("bad.bin", b"\x00\x01\x02");
     write("three.xyz", b"0 0 0\n1 0 0\n0 1 0\n");
-    write("line.xyz", (0..50).map(|i| format!("{i} 0 0\n")).collect::<String>().as_bytes());
-    write("good.xyz", (0..50).map(|i| format!("{} {} 0\n", i % 7, i / 7)).collect::<String>().as_bytes());
+    let rows = |row: fn(i32) -> String| (0..50).map(row).collect::<Vec<_>>().join("\n");
+    write("line.xyz", rows(|i| format!("{i} 0 0")).as_bytes());
+    write("good.xyz", rows(|i| format!("{} {} 0", i % 7, i / 7)).as_bytes());
     let before = names(folder.path());
     let (code, line) = failed(&chladni(&folder, arguments));
     assert_eq!(code, 2, "{line}");

@@ -2,9 +2,9 @@
 
 /// Show what the service does.
 #[derive(Debug, clap::Args)]
-pub struct DemoArgs {}
+pub(crate) struct DemoArgs {}
 
 /// Runs the demo.
-pub async fn run(_args: DemoArgs) -> Result<(), std::io::Error> {
-    Err(std::io::Error::other("this build has no service"))
+pub(crate) async fn run(_args: DemoArgs) -> Result<(), std::io::Error> {
+    std::future::ready(Err(std::io::Error::other("this build has no service"))).await
 }

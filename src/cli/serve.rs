@@ -2,9 +2,9 @@
 
 /// Serve the HTTP interface.
 #[derive(Debug, clap::Args)]
-pub struct ServeArgs {}
+pub(crate) struct ServeArgs {}
 
 /// Serves until it is told to stop.
-pub async fn run(_args: ServeArgs) -> Result<(), std::io::Error> {
-    Err(std::io::Error::other("this build has no service"))
+pub(crate) async fn run(_args: ServeArgs) -> Result<(), std::io::Error> {
+    std::future::ready(Err(std::io::Error::other("this build has no service"))).await
 }

@@ -111,7 +111,7 @@ impl Number {
         match self {
             Self::Scalar(kind, order) => decode(rows, stride, offset, kind, order, place),
             Self::Integer { is_signed, order } => {
-                decode_integers(rows, stride, offset, is_signed, order, place)
+                decode_integers(rows, stride, offset, is_signed, order, place);
             }
         }
     }

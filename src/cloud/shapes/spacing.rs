@@ -6,9 +6,9 @@ const DARTS_PER_ROUND: usize = 2;
 const SHRINKING: f64 = 0.97;
 
 /// Draws until `points` points have a least distance from each other, which shrinks round by round until so many
-/// find room (McCool and Fiume, "Hierarchical Poisson disk sampling distributions", 1992).
+/// find room (`McCool` and Fiume, "Hierarchical Poisson disk sampling distributions", 1992).
 pub(super) fn well_spaced(points: usize, mut draw: impl FnMut() -> [f64; 3]) -> Vec<[f64; 3]> {
-    let mut darts = Darts::new(points, Bounds::of(&mut draw));
+    let mut darts = Darts::new(points, &Bounds::of(&mut draw));
     while darts.points.len() < points {
         for _ in 0..(DARTS_PER_ROUND * points) {
             if darts.points.len() == points {
@@ -68,19 +68,28 @@ struct Darts {
 }
 
 impl Darts {
-    fn new(points: usize, bounds: Bounds) -> Self {
+    fn new(points: usize, bounds: &Bounds) -> Self {
         let distance = bounds.distance(points);
         let volume: f64 = bounds.size.iter().product();
         let side = distance.max((volume / (CELLS_PER_POINT * points as f64)).cbrt());
         let cells = bounds.size.map(|size| (size / side).ceil().max(1.0) as usize);
         let last = vec![NONE; cells.iter().product()];
-        Self { points: Vec::with_capacity(points), distance, low: bounds.low, side, cells, last, before: Vec::new() }
+        Self {
+            points: Vec::with_capacity(points),
+            distance,
+            low: bounds.low,
+            side,
+            cells,
+            last,
+            before: Vec::new(),
+        }
     }
 
     /// Keeps the point if none is nearer than the distance.
     fn throw(&mut self, point: [f64; 3]) {
         // Below 0 the cast saturates.
-        let home = [0, 1, 2].map(|axis| (((point[axis] - self.low[axis]) / self.side) as usize).min(self.cells[axis] - 1));
+        let home = [0, 1, 2]
+            .map(|axis| (((point[axis] - self.low[axis]) / self.side) as usize).min(self.cells[axis] - 1));
         let near = [0, 1, 2].map(|axis| home[axis].saturating_sub(1)..(home[axis] + 2).min(self.cells[axis]));
         for i in near[0].clone() {
             for j in near[1].clone() {

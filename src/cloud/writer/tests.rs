@@ -7,7 +7,7 @@ use crate::cloud::{NonFinite, ScalarField, ScalarType};
 /// 5,000 rows: more than a chunk. Numbers that need all their digits.
 fn cloud(dimension: usize) -> PointCloud {
     let n = 5000;
-    let value = |i: usize| (i as f64 * 0.7).sin() * 10_f64.powi(i as i32 % 7 - 3);
+    let value = |i: usize| (i as f64 * 0.7).sin() * [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3][i % 7];
     let coordinates = (0..n * dimension).map(value).collect();
     let fields = ScalarType::ALL.map(|kind| ScalarField {
         name: format!("field of {}", kind.ply_name()),
@@ -124,7 +124,7 @@ fn nan_passes_through_every_format_with_fields() {
         write(&cloud, format, &mut bytes).unwrap();
         let back = read(&bytes, format, &options).unwrap();
         assert!(back.point(0)[1].is_nan(), "{format}");
-        assert_eq!(back.point(1)[2], f64::INFINITY, "{format}");
+        assert_eq!(back.point(1)[2..], [f64::INFINITY], "{format}");
     }
 }
 

@@ -48,7 +48,9 @@ pub(in crate::cloud::reader) fn decode(
         (ScalarType::Int32, Big) => column(rows, stride, offset, place, |b| i32::from_be_bytes(b).into()),
         (ScalarType::Uint32, Little) => column(rows, stride, offset, place, |b| u32::from_le_bytes(b).into()),
         (ScalarType::Uint32, Big) => column(rows, stride, offset, place, |b| u32::from_be_bytes(b).into()),
-        (ScalarType::Float32, Little) => column(rows, stride, offset, place, |b| f32::from_le_bytes(b).into()),
+        (ScalarType::Float32, Little) => {
+            column(rows, stride, offset, place, |b| f32::from_le_bytes(b).into());
+        }
         (ScalarType::Float32, Big) => column(rows, stride, offset, place, |b| f32::from_be_bytes(b).into()),
         (ScalarType::Float64, Little) => column(rows, stride, offset, place, f64::from_le_bytes),
         (ScalarType::Float64, Big) => column(rows, stride, offset, place, f64::from_be_bytes),
@@ -80,10 +82,10 @@ fn column<const N: usize>(
     place: Place<'_>,
     convert: impl Fn([u8; N]) -> f64,
 ) {
-    let out = place.out.chunks_mut(place.stride);
-    for (row, out) in rows.chunks_exact(stride).zip(out) {
+    let Place { out, stride: stride_out, offset: offset_out } = place;
+    for (row, out) in rows.chunks_exact(stride).zip(out.chunks_mut(stride_out)) {
         if let Some(bytes) = row[offset..].first_chunk::<N>() {
-            out[place.offset] = convert(*bytes);
+            out[offset_out] = convert(*bytes);
         }
     }
 }
