@@ -28,7 +28,7 @@ const NOISE: f64 = 0.001;
 
 /// Show what the service does, on a synthetic scan.
 #[derive(Debug, clap::Args)]
-pub struct DemoArgs {
+pub(crate) struct DemoArgs {
     /// End after the printout instead of serving on.
     #[arg(long)]
     exit: bool,
@@ -52,7 +52,7 @@ pub struct DemoArgs {
 
 /// Why the demo ended early.
 #[derive(Debug, thiserror::Error)]
-pub enum DemoError {
+pub(crate) enum DemoError {
     /// The service did not start.
     #[error(transparent)]
     Start(#[from] StartError),
@@ -82,7 +82,7 @@ pub enum DemoError {
 ///
 /// # Errors
 /// [`DemoError`].
-pub async fn run(args: DemoArgs) -> Result<(), DemoError> {
+pub(crate) async fn run(args: DemoArgs) -> Result<(), DemoError> {
     let directory = Directory::open(args.directory.clone())?;
     let app = start(&args, &directory.path).await?;
     let shown = show(&app, &args).await;

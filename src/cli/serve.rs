@@ -4,14 +4,14 @@ use chladni::app::{App, Settings, StartError, told_to_stop};
 
 /// Serve the HTTP interface.
 #[derive(Debug, clap::Args)]
-pub struct ServeArgs {
+pub(crate) struct ServeArgs {
     #[command(flatten)]
     settings: Settings,
 }
 
 /// Why serving ended early.
 #[derive(Debug, thiserror::Error)]
-pub enum ServeError {
+pub(crate) enum ServeError {
     /// It did not start.
     #[error(transparent)]
     Start(#[from] StartError),
@@ -25,7 +25,7 @@ pub enum ServeError {
 /// # Errors
 /// [`ServeError`].
 #[allow(clippy::print_stdout)] // the address is the command's output
-pub async fn run(args: ServeArgs) -> Result<(), ServeError> {
+pub(crate) async fn run(args: ServeArgs) -> Result<(), ServeError> {
     let app = App::start(args.settings).await?;
     let address = app.address();
     println!("chladni serves http://{address}   try: curl -T scan.ply 'http://{address}/clouds?bases=50'");

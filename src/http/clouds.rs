@@ -69,7 +69,7 @@ pub struct CloudView {
     summary: CloudSummary,
     /// Rows that carry a result of their own; before the first successful job, those finite and not repeated.
     points_used: u64,
-    /// Covering radius ε, spacing, density, components, as the latest successful job found them; null before.
+    /// Covering radius ε, spacing and density, as the latest successful job found them; null before.
     #[schema(value_type = Option<Object>)]
     sampling: Option<Map<String, Value>>,
 }
@@ -111,7 +111,10 @@ impl CloudView {
             Some(report) => report.points_used as u64,
             None => cloud.points - cloud.nonfinite - cloud.duplicates,
         };
-        Ok(Self { summary: cloud.into(), points_used, sampling: None })
+        let report =
+            report.map(serde_json::to_value).transpose().map_err(|error| Problem::internal(&error))?;
+        let sampling = report.and_then(|report| report.get("sampling").and_then(Value::as_object).cloned());
+        Ok(Self { summary: cloud.into(), points_used, sampling })
     }
 }
 
@@ -128,6 +131,7 @@ pub struct CloudPage {
 #[utoipa::path(
     get,
     path = "/clouds",
+    operation_id = "list_clouds",
     tag = "clouds",
     params(ListClouds),
     responses(
@@ -146,6 +150,7 @@ pub async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<CloudP
 #[utoipa::path(
     get,
     path = "/clouds/{id}",
+    operation_id = "show_cloud",
     tag = "clouds",
     params(("id" = Uuid, Path, description = "The cloud.")),
     responses(
@@ -168,6 +173,7 @@ pub async fn show(
 #[utoipa::path(
     delete,
     path = "/clouds/{id}",
+    operation_id = "delete_cloud",
     tag = "clouds",
     params(("id" = Uuid, Path, description = "The cloud.")),
     responses(

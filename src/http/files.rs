@@ -15,6 +15,7 @@ use super::{Shared, bases, operator, spectrum};
 #[utoipa::path(
     get,
     path = "/jobs/{id}/{file}",
+    operation_id = "result_file",
     tag = "results",
     params(
         ("id" = Uuid, Path, description = "The job."),

@@ -242,6 +242,7 @@ pub struct JobPage {
 #[utoipa::path(
     get,
     path = "/jobs",
+    operation_id = "list_jobs",
     tag = "jobs",
     params(ListJobs),
     responses(
@@ -265,6 +266,7 @@ pub async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<JobPag
 #[utoipa::path(
     get,
     path = "/jobs/{id}",
+    operation_id = "show_job",
     tag = "jobs",
     params(("id" = Uuid, Path, description = "The job."), ShowJob),
     responses(
@@ -324,6 +326,7 @@ pub(super) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Resu
 #[utoipa::path(
     post,
     path = "/jobs/{id}/cancel",
+    operation_id = "cancel_job",
     tag = "jobs",
     params(("id" = Uuid, Path, description = "The job.")),
     responses(
@@ -350,6 +353,7 @@ pub async fn cancel(
 #[utoipa::path(
     delete,
     path = "/jobs/{id}",
+    operation_id = "delete_job",
     tag = "jobs",
     params(("id" = Uuid, Path, description = "The job.")),
     responses(

@@ -1,5 +1,7 @@
 //! The spectrum of a job: eigenvalues and what tells how far to trust them.
 
+use std::fmt::Write as _;
+
 use axum::Json;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, Uri, header};
@@ -99,8 +101,15 @@ fn csv(spectrum: &Spectrum) -> String {
     let mut text = String::from("index,eigenvalue,raw_eigenvalue,residual,frequency\n");
     let rows = spectrum.eigenvalues.iter().zip(&spectrum.raw_eigenvalues).zip(&spectrum.residuals);
     for (index, ((eigenvalue, raw), residual)) in rows.enumerate() {
-        let frequency = eigenvalue.max(0.0).sqrt();
-        text.push_str(&format!("{index},{eigenvalue:?},{raw:?},{residual:?},{frequency:?}\n"));
+        let eigenvalue = number(*eigenvalue);
+        let frequency = if eigenvalue < 0.0 { 0.0 } else { eigenvalue.sqrt() };
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{index},{eigenvalue:?},{raw:?},{residual:?},{frequency:?}");
     }
     text
+}
+
+/// NaN for a number that is absent.
+fn number(value: impl Into<Option<f64>>) -> f64 {
+    value.into().unwrap_or(f64::NAN)
 }

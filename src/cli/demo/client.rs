@@ -14,7 +14,7 @@ const ANSWER_BYTES_MAX: usize = 1 << 30;
 
 /// Why an exchange failed.
 #[derive(Debug, thiserror::Error)]
-pub enum ClientError {
+pub(crate) enum ClientError {
     /// No connection.
     #[error("cannot connect: {0}")]
     Connect(#[from] std::io::Error),
@@ -45,7 +45,7 @@ pub enum ClientError {
 }
 
 /// One connection.
-pub struct Client {
+pub(crate) struct Client {
     sender: SendRequest<Body>,
     host: String,
 }
@@ -55,7 +55,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError`].
-    pub async fn connect(address: SocketAddr) -> Result<Self, ClientError> {
+    pub(crate) async fn connect(address: SocketAddr) -> Result<Self, ClientError> {
         let stream = TcpStream::connect(address).await?;
         let (sender, connection) = handshake(TokioIo::new(stream)).await?;
         tokio::spawn(async move {
@@ -70,7 +70,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError`].
-    pub async fn send(
+    pub(crate) async fn send(
         &mut self,
         method: Method,
         path: &str,
@@ -98,7 +98,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError`].
-    pub async fn get(&mut self, path: &str) -> Result<Bytes, ClientError> {
+    pub(crate) async fn get(&mut self, path: &str) -> Result<Bytes, ClientError> {
         self.send(Method::GET, path, None, Vec::new()).await
     }
 
@@ -106,7 +106,7 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError`].
-    pub async fn json(&mut self, path: &str) -> Result<Value, ClientError> {
+    pub(crate) async fn json(&mut self, path: &str) -> Result<Value, ClientError> {
         Ok(serde_json::from_slice(&self.get(path).await?)?)
     }
 }

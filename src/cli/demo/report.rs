@@ -13,7 +13,7 @@ use super::client::Client;
 ///
 /// # Errors
 /// [`DemoError::Answer`] when they have not the right shape.
-pub async fn orthogonality(
+pub(crate) async fn orthogonality(
     client: &mut Client,
     id: &str,
     points: usize,
@@ -53,7 +53,7 @@ fn diagonal(text: &str, rows: usize) -> Option<Vec<f64>> {
 }
 
 /// Prints everything.
-pub fn print(address: SocketAddr, job: &Value, spectrum: &Value, orthogonality: f64) {
+pub(crate) fn print(address: SocketAddr, job: &Value, spectrum: &Value, orthogonality: f64) {
     print_spectrum(spectrum);
     print_certificates(job, spectrum, orthogonality);
     print_next(address, job["id"].as_str().unwrap_or_default(), job["cloud_id"].as_str().unwrap_or_default());

@@ -151,8 +151,11 @@ fn unique(name: &str, taken: &[ScalarField]) -> String {
     if free(name) {
         return name.to_owned();
     }
-    let numbered = (2..).map(|i| format!("{name}_{i}")).find(|name| free(name));
-    numbered.unwrap_or_else(|| name.to_owned())
+    let mut number = 2;
+    while !free(&format!("{name}_{number}")) {
+        number += 1;
+    }
+    format!("{name}_{number}")
 }
 
 /// The rule for tables without a header: up to three columns are all coordinates; of more, the first three.

@@ -20,7 +20,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         }
     };
     match dialect.names(first) {
-        Some(names) => table::read(dialect, Some(names), None, lines, options),
+        Some(names) => table::read(dialect, Some(&names), None, lines, options),
         None => table::read(dialect, None, None, before, options),
     }
 }

@@ -106,7 +106,7 @@ impl Format {
 
     /// What the first line says that is no comment.
     fn from_line(line: &[u8]) -> Option<Self> {
-        let word = line.split(|b| b.is_ascii_whitespace()).next()?;
+        let word = line.split(u8::is_ascii_whitespace).next()?;
         let is_obj =
             matches!(word, b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"g" | b"o" | b"s" | b"mtllib" | b"usemtl");
         if is_obj && word.len() < line.len() {

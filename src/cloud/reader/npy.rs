@@ -7,7 +7,7 @@
 use npyz::{Endianness, TypeChar, TypeStr};
 
 use super::columns::{Column, Columns, Target};
-use super::ply::{ByteOrder, decode, decode_integers};
+use super::ply::{ByteOrder, Place, decode, decode_integers};
 use super::text::shown;
 use super::{Format, Location, ReadError, ReadOptions};
 use crate::cloud::{PointCloud, ScalarType};
@@ -50,11 +50,12 @@ fn fill(columns: &mut Columns, block: &[u8], header: &Header) {
         };
         match *target {
             Target::Coordinate(axis) => {
-                let out = columns.coordinates.iter_mut().skip(axis).step_by(columns.dimension);
-                header.number.decode(column, stride, offset, out);
+                let place = Place { stride: columns.dimension, offset: axis, out: &mut columns.coordinates };
+                header.number.decode(column, stride, offset, place);
             }
             Target::Field(field) => {
-                header.number.decode(column, stride, offset, columns.fields[field].values.iter_mut());
+                let place = Place::packed(&mut columns.fields[field].values);
+                header.number.decode(column, stride, offset, place);
             }
             Target::Skipped => {}
         }
@@ -106,11 +107,11 @@ impl Number {
         }
     }
 
-    fn decode<'a>(self, rows: &[u8], stride: usize, offset: usize, out: impl Iterator<Item = &'a mut f64>) {
+    fn decode(self, rows: &[u8], stride: usize, offset: usize, place: Place<'_>) {
         match self {
-            Self::Scalar(kind, order) => decode(rows, stride, offset, kind, order, out),
+            Self::Scalar(kind, order) => decode(rows, stride, offset, kind, order, place),
             Self::Integer { is_signed, order } => {
-                decode_integers(rows, stride, offset, is_signed, order, out)
+                decode_integers(rows, stride, offset, is_signed, order, place);
             }
         }
     }

@@ -29,7 +29,8 @@ fn euler_characteristic(cloud: &PointCloud) -> i64 {
     let mut corners: Vec<u32> = cloud.faces().iter().flatten().copied().collect();
     corners.sort_unstable();
     corners.dedup();
-    corners.len() as i64 - edges.len() as i64 + cloud.faces().len() as i64
+    let [v, e, f] = [corners.len(), edges.len(), cloud.faces().len()].map(|n| i64::try_from(n).unwrap());
+    v - e + f
 }
 
 #[test]

@@ -15,7 +15,7 @@ pub(super) struct Dialect {
 
 impl Dialect {
     /// The line's text without comments; empty when nothing else is there.
-    pub(super) fn content<'a>(&self, line: &Line<'a>) -> &'a [u8] {
+    pub(super) fn content<'a>(self, line: &Line<'a>) -> &'a [u8] {
         if line.text.starts_with(b"//") || line.text.starts_with(b"#") {
             return b"";
         }
@@ -27,7 +27,7 @@ impl Dialect {
     }
 
     /// Calls `each` with every cell of a line, unquoted.
-    fn cells<'a, E>(&self, text: &'a [u8], mut each: impl FnMut(&'a [u8]) -> Result<(), E>) -> Result<(), E> {
+    fn cells<'a, E>(self, text: &'a [u8], mut each: impl FnMut(&'a [u8]) -> Result<(), E>) -> Result<(), E> {
         match self.separator {
             Some(separator) => {
                 text.split(|&b| b == separator).try_for_each(|cell| each(unquoted(cell.trim_ascii())))
@@ -37,7 +37,7 @@ impl Dialect {
     }
 
     /// The cells of a line.
-    pub(super) fn split<'a>(&self, text: &'a [u8]) -> Vec<&'a [u8]> {
+    pub(super) fn split(self, text: &[u8]) -> Vec<&[u8]> {
         let mut cells = Vec::new();
         let Ok(()) = self.cells(text, |cell| {
             cells.push(cell);
@@ -47,7 +47,7 @@ impl Dialect {
     }
 
     /// The numbers of a row.
-    fn row(&self, text: &[u8], line: usize, row: &mut Vec<f64>) -> Result<(), ReadError> {
+    fn row(self, text: &[u8], line: usize, row: &mut Vec<f64>) -> Result<(), ReadError> {
         row.clear();
         self.cells(text, |cell| {
             if cell.is_empty() {
@@ -60,7 +60,7 @@ impl Dialect {
     }
 
     /// Column names in a line, if none of its cells is a number.
-    pub(super) fn names(&self, text: &[u8]) -> Option<Vec<String>> {
+    pub(super) fn names(self, text: &[u8]) -> Option<Vec<String>> {
         let cells = self.split(text);
         let named = !cells.is_empty() && cells.iter().all(|cell| number(cell).is_none());
         named.then(|| cells.iter().map(|cell| String::from_utf8_lossy(cell).into_owned()).collect())
@@ -78,8 +78,8 @@ fn unquoted(cell: &[u8]) -> &[u8] {
 /// before the first row: those count only if there is one per column and one is x.
 pub(super) fn read(
     dialect: Dialect,
-    names: Option<Vec<String>>,
-    suggested: Option<Vec<String>>,
+    names: Option<&[String]>,
+    suggested: Option<&[String]>,
     mut lines: Lines<'_>,
     options: &ReadOptions,
 ) -> Result<PointCloud, ReadError> {
@@ -93,13 +93,13 @@ pub(super) fn read(
         }
         dialect.row(text, line.number, &mut row)?;
         if table.is_none() {
-            if let Some(names) = &names
+            if let Some(names) = names
                 && names.len() != row.len()
             {
                 return Err(ragged_header(dialect.format, line.number, row.len(), names.len()));
             }
-            let suggested = suggested.as_ref().filter(|names| names.len() == row.len());
-            let mut columns = columns(row.len(), names.as_ref().or(suggested), options)?;
+            let suggested = suggested.filter(|names| names.len() == row.len());
+            let mut columns = columns(row.len(), names.or(suggested), options)?;
             columns.reserve(rows)?;
             table = Some(columns);
         }
@@ -115,7 +115,7 @@ pub(super) fn read(
     table.ok_or(ReadError::Empty)?.into_cloud(Vec::new(), options)
 }
 
-fn columns(width: usize, names: Option<&Vec<String>>, options: &ReadOptions) -> Result<Columns, ReadError> {
+fn columns(width: usize, names: Option<&[String]>, options: &ReadOptions) -> Result<Columns, ReadError> {
     let limits = &options.limits;
     let columns: Vec<Column> = match names {
         Some(names) => names.iter().map(Column::text).collect(),

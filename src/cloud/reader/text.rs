@@ -14,7 +14,7 @@ pub(super) struct Line<'a> {
 impl<'a> Line<'a> {
     /// The words between blanks.
     pub(super) fn words(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
-        self.text.split(|b| b.is_ascii_whitespace()).filter(|word| !word.is_empty())
+        self.text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
     }
 }
 
@@ -72,7 +72,7 @@ impl<'a> Iterator for Lines<'a> {
 
 /// Upper bound of the rows of a table, to allocate once and no more than the bytes warrant.
 pub(super) fn rows_at_most(bytes: &[u8]) -> usize {
-    bytes.iter().filter(|&&b| b == b'\n').count() + 1
+    bytes.iter().map(|&b| usize::from(b == b'\n')).sum::<usize>() + 1
 }
 
 /// Parses a number, including the spellings of NaN and infinity that C, Python and Windows print: the caller's

@@ -26,16 +26,16 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         suggested = DIALECT.names(comment).filter(|names| names.iter().any(|n| n.eq_ignore_ascii_case("x")));
     };
     if let Some(names) = DIALECT.names(first) {
-        return table::read(DIALECT, Some(names), None, lines, options);
+        return table::read(DIALECT, Some(&names), None, lines, options);
     }
     match announced(first, &lines) {
         Some(points) => {
             options.limits.points(points)?;
             let last = lines.clone().map(|line| line.number).last().unwrap_or(lines.number());
-            let cloud = table::read(DIALECT, None, suggested, lines, options)?;
+            let cloud = table::read(DIALECT, None, suggested.as_deref(), lines, options)?;
             check_count(cloud, points, last)
         }
-        None => table::read(DIALECT, None, suggested, after, options),
+        None => table::read(DIALECT, None, suggested.as_deref(), after, options),
     }
 }
 

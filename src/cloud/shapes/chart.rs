@@ -144,7 +144,7 @@ fn on_sphere(u: f64, v: f64) -> [f64; 3] {
     [radius * cos, radius * sin, z]
 }
 
-/// The linear map diag(a, b, c) multiplies area at the sphere's normal n by |(bc nₓ, ca n_y, ab n_z)|.
+/// The linear map diag(a, b, c) multiplies area at the sphere's normal n by `|(bc nₓ, ca n_y, ab n_z)|`.
 fn on_ellipsoid(n: [f64; 3]) -> Placed {
     let [a, b, c] = ELLIPSOID;
     let stretch = (b * c * n[0]).hypot(c * a * n[1]).hypot(a * b * n[2]);

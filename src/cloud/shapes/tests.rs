@@ -115,7 +115,9 @@ fn slices(shape: Shape, axis: usize, bins: usize) -> (Vec<f64>, [f64; 2]) {
         shares[bin((middle - low) / (high - low), bins)] += area(p, q, r);
     }
     let total: f64 = shares.iter().sum();
-    shares.iter_mut().for_each(|share| *share /= total);
+    for share in &mut shares {
+        *share /= total;
+    }
     (shares, [low, high])
 }
 
@@ -190,7 +192,8 @@ fn euler_characteristic(cloud: &PointCloud) -> i64 {
     let mut edges: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
     edges.sort_unstable();
     edges.dedup();
-    cloud.len() as i64 - edges.len() as i64 + cloud.faces().len() as i64
+    let [v, e, f] = [cloud.len(), edges.len(), cloud.faces().len()].map(|n| i64::try_from(n).unwrap());
+    v - e + f
 }
 
 #[test]

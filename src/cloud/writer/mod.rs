@@ -8,9 +8,9 @@ mod text;
 
 use std::io::{self, Write};
 
-pub use npy::{npy_header, npy_vector_header};
+pub use npy::{npy_header, npy_header_by_columns, npy_vector_header};
 pub use ply::{FACE_BYTES, PlyEncoding, PlyHeader, encode_faces, ply_columns, ply_header, ply_properties};
-pub use rows::{Column, encode_rows};
+pub use rows::{Column, encode_column, encode_rows};
 
 use super::reader::Format;
 use super::{PointCloud, ScalarType};

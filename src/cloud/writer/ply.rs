@@ -152,10 +152,10 @@ pub fn encode_faces(faces: &[[u32; 3]], encoding: PlyEncoding) -> Vec<u8> {
         match encoding {
             PlyEncoding::BinaryLittleEndian => {
                 bytes.push(3);
-                face.iter().for_each(|corner| bytes.extend(corner.to_le_bytes()));
+                bytes.extend(face.iter().flat_map(|corner| corner.to_le_bytes()));
             }
             PlyEncoding::Ascii => {
-                bytes.extend(format!("3 {} {} {}\n", face[0], face[1], face[2]).into_bytes())
+                bytes.extend(format!("3 {} {} {}\n", face[0], face[1], face[2]).into_bytes());
             }
         }
     }

@@ -33,6 +33,14 @@ pub fn encode_rows(columns: &[Column<'_>], rows: usize) -> Vec<u8> {
     bytes
 }
 
+/// Writes one column into rows of `width` bytes, at `offset` of each.
+///
+/// # Panics
+/// When the number does not fit behind `offset`.
+pub fn encode_column(column: Column<'_>, rows: &mut [u8], width: usize, offset: usize) {
+    encode(column.values.iter().step_by(column.stride.max(1)), column.kind, rows, width, offset);
+}
+
 fn encode<'a>(
     values: impl Iterator<Item = &'a f64>,
     kind: ScalarType,

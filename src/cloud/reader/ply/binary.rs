@@ -4,7 +4,7 @@
 
 use super::super::columns::Target;
 use super::super::text::shown;
-use super::decode::{ByteOrder, decode};
+use super::decode::{ByteOrder, Place, decode};
 use super::faces::{FaceError, Surface};
 use super::header::{Element, Header, PropertyKind};
 use super::{FORMAT, Ply, ReadError};
@@ -59,19 +59,14 @@ fn read_fixed_vertices(
         for ((_, kind), target) in element.scalars().zip(&columns.targets) {
             match *target {
                 Target::Coordinate(axis) => {
-                    let out = columns.coordinates[first * columns.dimension..].iter_mut();
-                    decode(
-                        rows,
-                        stride,
-                        offset,
-                        kind,
-                        cursor.order,
-                        out.skip(axis).step_by(columns.dimension),
-                    );
+                    let stride_out = columns.dimension;
+                    let out = &mut columns.coordinates[first * stride_out..];
+                    let place = Place { out, stride: stride_out, offset: axis };
+                    decode(rows, stride, offset, kind, cursor.order, place);
                 }
                 Target::Field(field) => {
-                    let out = columns.fields[field].values[first..].iter_mut();
-                    decode(rows, stride, offset, kind, cursor.order, out);
+                    let out = &mut columns.fields[field].values[first..];
+                    decode(rows, stride, offset, kind, cursor.order, Place::packed(out));
                 }
                 Target::Skipped => {}
             }
@@ -181,7 +176,7 @@ impl<'a> Cursor<'a> {
 
     fn value(&self, bytes: &[u8], kind: ScalarType) -> f64 {
         let mut value = [0.0];
-        decode(bytes, kind.size(), 0, kind, self.order, value.iter_mut());
+        decode(bytes, kind.size(), 0, kind, self.order, Place::packed(&mut value));
         value[0]
     }
 

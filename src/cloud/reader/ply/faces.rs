@@ -94,7 +94,7 @@ fn push_strips(
             && second != third
             && third != first
         {
-            let is_turned = corners.len() % 2 == 0;
+            let is_turned = corners.len().is_multiple_of(2);
             triangles.push(if is_turned { [second, first, third] } else { [first, second, third] })?;
         }
     }

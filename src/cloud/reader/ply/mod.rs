@@ -15,7 +15,7 @@ mod decode;
 mod faces;
 mod header;
 
-pub(in crate::cloud::reader) use decode::{ByteOrder, decode, decode_integers};
+pub(in crate::cloud::reader) use decode::{ByteOrder, Place, decode, decode_integers};
 
 use self::header::{Element, Encoding, Header, PropertyKind};
 use super::columns::{Column, Columns, Target};
