@@ -22,7 +22,7 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// Limits of connections.
 #[derive(Debug, Clone, Copy)]
-pub struct Connections {
+pub(crate) struct Connections {
     /// Open ones.
     pub at_once: usize,
     /// Time for a request's head.
@@ -32,7 +32,12 @@ pub struct Connections {
 }
 
 /// Accepts until `stopping`, then lets the open answers end within the grace time.
-pub async fn serve(listener: TcpListener, router: Router, limits: Connections, stopping: CancellationToken) {
+pub(crate) async fn serve(
+    listener: TcpListener,
+    router: Router,
+    limits: Connections,
+    stopping: CancellationToken,
+) {
     let places = Arc::new(Semaphore::new(limits.at_once));
     let graceful = GracefulShutdown::new();
     let mut open = JoinSet::new();

@@ -6,7 +6,7 @@ use super::problem::{Kind, Problem};
 
 /// A representation on offer: its name in `?format=`, and its media types, the first of which is answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Offer {
+pub(crate) struct Offer {
     /// As in `?format=` and in file names.
     pub name: &'static str,
     /// Media types that ask for it.
@@ -14,25 +14,25 @@ pub struct Offer {
 }
 
 /// JSON.
-pub const JSON: Offer = Offer { name: "json", media_types: &["application/json"] };
+pub(crate) const JSON: Offer = Offer { name: "json", media_types: &["application/json"] };
 /// NumPy array file.
-pub const NPY: Offer =
+pub(crate) const NPY: Offer =
     Offer { name: "npy", media_types: &["application/x-npy", "application/npy", "application/octet-stream"] };
 /// Binary PLY.
-pub const PLY: Offer =
+pub(crate) const PLY: Offer =
     Offer { name: "ply", media_types: &["application/ply", "model/ply", "application/x-ply"] };
 /// Comma-separated values.
-pub const CSV: Offer = Offer { name: "csv", media_types: &["text/csv"] };
+pub(crate) const CSV: Offer = Offer { name: "csv", media_types: &["text/csv"] };
 /// Matrix Market.
-pub const MTX: Offer =
+pub(crate) const MTX: Offer =
     Offer { name: "mtx", media_types: &["text/x-matrix-market", "application/x-matrix-market"] };
 /// SciPy's sparse archive.
-pub const NPZ: Offer = Offer { name: "npz", media_types: &["application/x-npz", "application/zip"] };
+pub(crate) const NPZ: Offer = Offer { name: "npz", media_types: &["application/x-npz", "application/zip"] };
 
 impl Offer {
     /// The media type of the answer.
     #[must_use]
-    pub fn media_type(&self) -> &'static str {
+    pub(crate) fn media_type(&self) -> &'static str {
         self.media_types[0]
     }
 }
@@ -41,7 +41,7 @@ impl Offer {
 ///
 /// # Errors
 /// A problem that lists the offers.
-pub fn choose(named: Option<&str>, headers: &HeaderMap, offers: &[Offer]) -> Result<Offer, Problem> {
+pub(crate) fn choose(named: Option<&str>, headers: &HeaderMap, offers: &[Offer]) -> Result<Offer, Problem> {
     if let Some(name) = named {
         return offers.iter().find(|offer| offer.name == name).copied().ok_or_else(|| refuse(name, offers));
     }

@@ -24,10 +24,10 @@ use crate::jobs::Compute;
 use crate::store::{CHUNK_POINTS, Store};
 
 /// What they can be had as.
-pub const OFFERS: [Offer; 3] = [JSON, NPY, PLY];
+pub(crate) const OFFERS: [Offer; 3] = [JSON, NPY, PLY];
 
 /// Bases as JSON, at most: text is three times the size of the numbers, and slow to read.
-pub const JSON_BYTES_MAX: u64 = 64 << 20;
+pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
 /// Bytes of a number as JSON text, comma included: 17 digits, sign, point, and often an exponent.
 const JSON_NUMBER_BYTES: u64 = 22;
 
@@ -70,7 +70,7 @@ arguments!(
 /// Bases as JSON.
 #[derive(Debug, Serialize, ToSchema)]
 #[allow(dead_code, clippy::struct_field_names)] // describes what is written number by number
-pub struct Bases {
+pub(crate) struct Bases {
     /// Rows of the upload.
     points: u64,
     /// Index of the first basis.
@@ -103,7 +103,7 @@ pub struct Bases {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn bases(
+pub(crate) async fn bases(
     State(service): State<Shared>,
     Path(id): Path<String>,
     method: Method,

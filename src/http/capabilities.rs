@@ -14,7 +14,7 @@ use crate::cloud::reader::Format;
 
 /// What the service can do, and how much of it.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Capabilities {
+pub(crate) struct Capabilities {
     /// Formats of clouds.
     formats: Formats,
     /// Operators by name.
@@ -29,7 +29,7 @@ pub struct Capabilities {
 
 /// Formats of clouds and results.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Formats {
+pub(crate) struct Formats {
     /// Formats of uploads.
     upload: Vec<FormatView>,
     /// Formats of `/clouds/{id}/points`.
@@ -40,7 +40,7 @@ pub struct Formats {
 
 /// A file format.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct FormatView {
+pub(crate) struct FormatView {
     /// As in `?format=`.
     name: &'static str,
     /// Its media type.
@@ -49,7 +49,7 @@ pub struct FormatView {
 
 /// A parameter.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct ParameterView {
+pub(crate) struct ParameterView {
     /// Its name.
     name: &'static str,
     /// Another name for it.
@@ -70,7 +70,7 @@ pub struct ParameterView {
 
 /// Limits of this service.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct LimitsView {
+pub(crate) struct LimitsView {
     /// Bytes of an upload.
     body_bytes: u64,
     /// Points of a cloud.
@@ -115,7 +115,7 @@ impl From<&Argument> for ParameterView {
 
 /// Formats, operators, parameters with type, range, default and meaning, and limits.
 #[utoipa::path(get, path = "/capabilities", tag = "service", responses((status = 200, description = "What the service can do.", body = Capabilities)))]
-pub async fn capabilities(State(service): State<Shared>) -> Json<Capabilities> {
+pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabilities> {
     let limits = &service.limits;
     let offered = |offers: &[super::accept::Offer]| {
         offers.iter().map(|offer| FormatView { name: offer.name, media_type: offer.media_type() }).collect()

@@ -22,7 +22,7 @@ arguments!(
 
 /// What is known of a cloud from its upload alone.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct CloudSummary {
+pub(crate) struct CloudSummary {
     /// Its id.
     id: Uuid,
     /// When it was stored, RFC 3339.
@@ -53,7 +53,7 @@ pub struct CloudSummary {
 
 /// An axis-aligned box.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct BoundingBox {
+pub(crate) struct BoundingBox {
     /// Least coordinate on every axis.
     minimum: Vec<f64>,
     /// Greatest coordinate on every axis.
@@ -63,7 +63,7 @@ pub struct BoundingBox {
 /// A cloud, with what its latest successful job learned of its sampling.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Cloud)]
-pub struct CloudView {
+pub(crate) struct CloudView {
     /// From the upload.
     #[serde(flatten)]
     summary: CloudSummary,
@@ -104,7 +104,7 @@ impl CloudView {
     ///
     /// # Errors
     /// As [`Store::jobs`].
-    pub async fn load(store: &Store, cloud: &CloudRecord) -> Result<Self, Problem> {
+    pub(crate) async fn load(store: &Store, cloud: &CloudRecord) -> Result<Self, Problem> {
         let latest = store.jobs(Some(JobState::Succeeded), Some(cloud.id), None, 1).await?;
         let report = latest.items.into_iter().next().and_then(|job| job.report);
         let points_used = match &report {
@@ -120,7 +120,7 @@ impl CloudView {
 
 /// A page of clouds, newest first.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct CloudPage {
+pub(crate) struct CloudPage {
     /// The clouds.
     clouds: Vec<CloudSummary>,
     /// Pass it as `cursor` for the next page; null on the last.
@@ -139,7 +139,7 @@ pub struct CloudPage {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<CloudPage>, Problem> {
+pub(crate) async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<CloudPage>, Problem> {
     let arguments = ListClouds::read(&uri)?;
     let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
     let Page { items, next } = service.store.clouds(arguments.id("cursor"), limit).await?;
@@ -159,7 +159,7 @@ pub async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<CloudP
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn show(
+pub(crate) async fn show(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,
@@ -183,7 +183,7 @@ pub async fn show(
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn delete(
+pub(crate) async fn delete(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,

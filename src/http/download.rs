@@ -11,7 +11,7 @@ use super::problem::{Kind, Problem};
 
 /// A representation of a result, before its bytes are made.
 #[derive(Debug)]
-pub struct Download {
+pub(crate) struct Download {
     /// Decides the media type and the file name's ending.
     pub offer: Offer,
     /// Names these very bytes: the result never changes, so its identity and the arguments do.
@@ -27,7 +27,7 @@ impl Download {
     ///
     /// # Errors
     /// A problem when the range lies outside of the result.
-    pub fn answer(
+    pub(crate) fn answer(
         self,
         method: &Method,
         headers: &HeaderMap,
@@ -85,7 +85,7 @@ impl Download {
 
 /// Whether `If-None-Match` names `etag`: the client has these bytes already.
 #[must_use]
-pub fn is_known(headers: &HeaderMap, etag: &str) -> bool {
+pub(crate) fn is_known(headers: &HeaderMap, etag: &str) -> bool {
     headers
         .get_all(header::IF_NONE_MATCH)
         .iter()

@@ -19,7 +19,7 @@ const DRAIN_BYTES: usize = 32 << 20;
 const DRAIN_TIME: Duration = Duration::from_secs(5);
 
 /// Drains the rest of the body after an error, within limits.
-pub async fn after_errors(request: Request, next: Next) -> Response {
+pub(crate) async fn after_errors(request: Request, next: Next) -> Response {
     let asks_first = request.headers().contains_key(header::EXPECT);
     let (parts, body) = request.into_parts();
     let shared = Arc::new(Mutex::new(Rest { body, begun: false }));

@@ -28,7 +28,7 @@ use super::{Shared, bases, operator, spectrum};
         (status = "4XX", description = "As for the resource without the ending.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn file(
+pub(crate) async fn file(
     State(service): State<Shared>,
     Path((id, file)): Path<(String, String)>,
     method: Method,

@@ -10,7 +10,7 @@ use super::problem::{Kind, Problem, ProblemDocument};
 
 /// A probe's answer.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Health {
+pub(crate) struct Health {
     /// Always `ok`: anything else is a problem.
     status: &'static str,
 }
@@ -19,7 +19,7 @@ pub struct Health {
 ///
 /// Says nothing about the database.
 #[utoipa::path(get, path = "/livez", tag = "service", responses((status = 200, description = "It does.", body = Health)))]
-pub async fn livez() -> Json<Health> {
+pub(crate) async fn livez() -> Json<Health> {
     Json(Health { status: "ok" })
 }
 
@@ -35,7 +35,7 @@ pub async fn livez() -> Json<Health> {
         (status = 503, description = "Stopping, or the database takes no writes.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn readyz(State(service): State<Shared>) -> Result<Json<Health>, Problem> {
+pub(crate) async fn readyz(State(service): State<Shared>) -> Result<Json<Health>, Problem> {
     if service.stopping.is_cancelled() {
         return Err(Problem::new(Kind::Unavailable, "the service is stopping"));
     }

@@ -8,7 +8,7 @@ use utoipa::ToSchema;
 
 /// The way in.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Index {
+pub(crate) struct Index {
     /// `chladni`.
     service: &'static str,
     /// Version of the service.
@@ -23,7 +23,7 @@ pub struct Index {
 
 /// What this service is, and where to find what.
 #[utoipa::path(get, path = "/", tag = "service", responses((status = 200, description = "Links.", body = Index)))]
-pub async fn index() -> Json<Index> {
+pub(crate) async fn index() -> Json<Index> {
     Json(Index {
         service: env!("CARGO_PKG_NAME"),
         version: env!("CARGO_PKG_VERSION"),

@@ -22,9 +22,9 @@ use crate::progress::Phase;
 use crate::store::{JobRecord, JobState, Page};
 
 /// Seconds between looks at an unfinished job, for clients that do not use `?wait=`.
-pub const RETRY_SECONDS: u64 = 1;
+pub(crate) const RETRY_SECONDS: u64 = 1;
 /// Longest `?wait=`, in seconds.
-pub const WAIT_SECONDS_MAX: u64 = 60;
+pub(crate) const WAIT_SECONDS_MAX: u64 = 60;
 /// Share of the work below which no end is foretold.
 const FORESEEABLE_FROM: f64 = 0.02;
 
@@ -40,12 +40,12 @@ const DERIVED: [(&str, &str); 7] = [
 ];
 
 /// Longest page of a listing.
-pub const PAGE_MAX: u64 = 200;
+pub(crate) const PAGE_MAX: u64 = 200;
 /// Page of a listing when nothing is said.
-pub const PAGE_DEFAULT: u64 = 50;
+pub(crate) const PAGE_DEFAULT: u64 = 50;
 
 /// The arguments that every listing has.
-pub const PAGING: &[Argument] = &[
+pub(crate) const PAGING: &[Argument] = &[
     Argument {
         name: "cursor",
         alias: None,
@@ -103,7 +103,7 @@ arguments!(
 /// A job as the interface shows it.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Job)]
-pub struct JobView {
+pub(crate) struct JobView {
     /// Its id.
     id: Uuid,
     /// The cloud it analyses.
@@ -147,7 +147,7 @@ pub struct JobView {
 impl JobView {
     /// As of `now`, in milliseconds since the epoch.
     #[must_use]
-    pub fn new(job: &JobRecord, now: crate::store::Milliseconds) -> Self {
+    pub(crate) fn new(job: &JobRecord, now: crate::store::Milliseconds) -> Self {
         Self {
             id: job.id,
             cloud_id: job.cloud_id,
@@ -215,7 +215,7 @@ fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
 
 /// Lowercase name of a state.
 #[must_use]
-pub fn state_name(state: JobState) -> &'static str {
+pub(crate) fn state_name(state: JobState) -> &'static str {
     match state {
         JobState::Queued => "queued",
         JobState::Running => "running",
@@ -231,7 +231,7 @@ pub(super) fn now() -> crate::store::Milliseconds {
 
 /// A page of jobs, newest first.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct JobPage {
+pub(crate) struct JobPage {
     /// The jobs.
     jobs: Vec<JobView>,
     /// Pass it as `cursor` for the next page; null on the last.
@@ -250,7 +250,7 @@ pub struct JobPage {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<JobPage>, Problem> {
+pub(crate) async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<JobPage>, Problem> {
     let arguments = ListJobs::read(&uri)?;
     let state = arguments.word("state").and_then(|word| serde_json::from_value(word.into()).ok());
     let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
@@ -276,7 +276,7 @@ pub async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<JobPag
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn show(
+pub(crate) async fn show(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,
@@ -336,7 +336,7 @@ pub(super) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Resu
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn cancel(
+pub(crate) async fn cancel(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,
@@ -363,7 +363,7 @@ pub async fn cancel(
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn delete(
+pub(crate) async fn delete(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,

@@ -50,7 +50,7 @@ fn digest(key: &str) -> [u8; 32] {
 }
 
 /// Lets requests with an accepted key pass.
-pub async fn require(State(keys): State<Option<Keys>>, request: Request, next: Next) -> Response {
+pub(crate) async fn require(State(keys): State<Option<Keys>>, request: Request, next: Next) -> Response {
     let Some(keys) = keys else { return next.run(request).await };
     if OPEN_PATHS.contains(&request.uri().path()) {
         return next.run(request).await;

@@ -14,7 +14,7 @@ use crate::analysis::SparseMatrix;
 ///
 /// # Errors
 /// None; the signature is that of [`scipy_archive`].
-pub fn matrix_market(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
+pub(crate) fn matrix_market(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
     let n = matrix.offsets.len() - 1;
     let lower = (0..n)
         .map(|row| row_entries(matrix, row).filter(|(column, _)| *column <= row).count())
@@ -38,7 +38,7 @@ fn row_entries(matrix: &SparseMatrix, row: usize) -> impl Iterator<Item = (usize
 ///
 /// # Errors
 /// A problem of ours when the archive cannot be written.
-pub fn scipy_archive(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
+pub(crate) fn scipy_archive(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
     let n = matrix.offsets.len() as u64 - 1;
     let csr = CsrBase {
         shape: [n, n],
@@ -52,7 +52,7 @@ pub fn scipy_archive(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
 }
 
 /// The bytes `span` of a file in memory.
-pub fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
+pub(crate) fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
     let end = bytes.len() as u64;
     Body::from(Bytes::from(bytes).slice(span.start.min(end) as usize..span.end.min(end) as usize))
 }

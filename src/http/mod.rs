@@ -17,6 +17,7 @@ mod operator;
 mod parameters;
 mod points;
 mod problem;
+mod problems;
 mod query;
 mod request;
 mod rows;
@@ -86,6 +87,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(index::index))
         .routes(routes!(capabilities::capabilities))
         .routes(routes!(openapi::openapi))
+        .routes(routes!(problems::problem_kind))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
         .routes(routes!(clouds::list, submission::post_cloud, submission::put_cloud))

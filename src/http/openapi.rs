@@ -50,7 +50,7 @@ pub fn document() -> OpenApi {
     tag = "service",
     responses((status = 200, description = "The document.", body = String, content_type = "application/yaml"))
 )]
-pub async fn openapi() -> Result<Response, Problem> {
+pub(crate) async fn openapi() -> Result<Response, Problem> {
     let yaml = document().to_yaml().map_err(|error| Problem::internal(&error))?;
     Ok(([(header::CONTENT_TYPE, "application/yaml")], yaml).into_response())
 }

@@ -19,7 +19,7 @@ use crate::analysis::{JobKind, Report, SparseMatrix};
 use crate::store::JobRecord;
 
 /// What it can be had as.
-pub const OFFERS: [Offer; 3] = [JSON, MTX, NPZ];
+pub(crate) const OFFERS: [Offer; 3] = [JSON, MTX, NPZ];
 
 const ARGUMENTS: &[Argument] = &[
     Argument {
@@ -45,7 +45,7 @@ arguments!(
 
 /// The operator's description, and whose it is.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct OperatorView {
+pub(crate) struct OperatorView {
     /// The job.
     job_id: Uuid,
     /// The cloud it analysed.
@@ -75,7 +75,7 @@ pub struct OperatorView {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn operator(
+pub(crate) async fn operator(
     State(service): State<Shared>,
     Path(id): Path<String>,
     method: Method,

@@ -19,7 +19,7 @@ const fn argument(
 }
 
 /// What the job computes.
-pub const KIND: &[Argument] = &[argument(
+pub(crate) const KIND: &[Argument] = &[argument(
     "kind",
     Accepts::Word(&["eigen", "operator"]),
     "eigen",
@@ -27,7 +27,7 @@ pub const KIND: &[Argument] = &[argument(
 )];
 
 /// The fields of [`Parameters`].
-pub const PARAMETERS: &[Argument] = &[
+pub(crate) const PARAMETERS: &[Argument] = &[
     argument(
         "operator",
         Accepts::Word(&["pb-mhb", "voronoi"]),
@@ -103,7 +103,7 @@ pub const PARAMETERS: &[Argument] = &[
 ///
 /// # Errors
 /// A problem that names the parameter and what would be accepted.
-pub fn read(arguments: &Arguments, bases_max: usize) -> Result<(JobKind, Parameters), Problem> {
+pub(crate) fn read(arguments: &Arguments, bases_max: usize) -> Result<(JobKind, Parameters), Problem> {
     let kind = match arguments.word("kind") {
         Some("operator") => JobKind::Operator,
         _ => JobKind::Eigen,

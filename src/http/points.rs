@@ -21,7 +21,7 @@ use crate::cloud::{PointCloud, ScalarType};
 use crate::store::CHUNK_POINTS;
 
 /// What they can be had as.
-pub const OFFERS: [Offer; 3] = [PLY, NPY, JSON];
+pub(crate) const OFFERS: [Offer; 3] = [PLY, NPY, JSON];
 
 const ARGUMENTS: &[Argument] = &[Argument {
     name: "format",
@@ -38,7 +38,8 @@ arguments!(
 
 /// Points as JSON.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Points {
+#[allow(clippy::struct_field_names)] // the field is the number of points
+pub(crate) struct Points {
     /// Rows of the upload.
     points: usize,
     /// Coordinates per point.
@@ -64,7 +65,7 @@ pub struct Points {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn points(
+pub(crate) async fn points(
     State(service): State<Shared>,
     Path(id): Path<String>,
     method: Method,
@@ -113,13 +114,15 @@ fn encode(cloud: &PointCloud, offer: Offer, chunk: usize) -> Vec<u8> {
     }
     let mut columns = ply_columns(cloud, first);
     columns.truncate(cloud.dimension());
-    columns.iter_mut().for_each(|column| column.kind = ScalarType::Float64);
+    for column in &mut columns {
+        column.kind = ScalarType::Float64;
+    }
     encode_rows(&columns, rows)
 }
 
 /// A NumPy array of `rows` × `columns` numbers, in C order.
 #[must_use]
-pub fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLayout {
+pub(crate) fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLayout {
     RowLayout {
         header: npy_header(rows, columns, kind),
         stride: columns * kind.size(),
@@ -130,7 +133,7 @@ pub fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLayout {
 
 /// A binary PLY with these properties of every point, and the cloud's faces.
 #[must_use]
-pub fn ply_layout(cloud: &PointCloud, properties: Vec<(String, ScalarType)>) -> RowLayout {
+pub(crate) fn ply_layout(cloud: &PointCloud, properties: Vec<(String, ScalarType)>) -> RowLayout {
     let encoding = PlyEncoding::BinaryLittleEndian;
     let header = PlyHeader { encoding, points: cloud.len(), properties, faces: cloud.faces().len() };
     RowLayout {

@@ -14,14 +14,14 @@ use crate::jobs::ComputeError;
 use crate::store::{JobFailure, JobRecord, JobState, StoreError};
 
 /// Media type of a problem.
-pub const MEDIA_TYPE: &str = "application/problem+json";
+pub(crate) const MEDIA_TYPE: &str = "application/problem+json";
 
 /// Seconds after which a client that met a full queue may try again.
 const QUEUE_RETRY_SECONDS: u64 = 10;
 
 /// The kinds of problem; each has a stable `type`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// The request cannot be understood: its query, JSON or multipart structure.
     MalformedRequest,
     /// The uploaded file does not follow its format.
@@ -70,7 +70,7 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 22] = [
+    pub(crate) const ALL: [Self; 22] = [
         Self::MalformedRequest,
         Self::MalformedFile,
         Self::Unauthorized,
@@ -97,19 +97,19 @@ impl Kind {
 
     /// Last part of the `type`.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         self.row().0
     }
 
     /// One phrase, the same for every occurrence.
     #[must_use]
-    pub fn title(self) -> &'static str {
+    pub(crate) fn title(self) -> &'static str {
         self.row().1
     }
 
     /// The status of the answer.
     #[must_use]
-    pub fn status(self) -> StatusCode {
+    pub(crate) fn status(self) -> StatusCode {
         self.row().2
     }
 
@@ -171,13 +171,13 @@ struct Content {
 impl Problem {
     /// A problem whose `detail` says what is wrong and what would be accepted.
     #[must_use]
-    pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
+    pub(crate) fn new(kind: Kind, detail: impl Into<String>) -> Self {
         Self(Box::new(Content { kind, detail: detail.into(), members: Map::new(), headers: Vec::new() }))
     }
 
     /// An error of ours: `cause` is logged, the client learns only that it happened.
     #[must_use]
-    pub fn internal(cause: &dyn std::fmt::Display) -> Self {
+    pub(crate) fn internal(cause: &dyn std::fmt::Display) -> Self {
         tracing::error!(%cause, "internal error");
         Self::new(
             Kind::Internal,
@@ -187,27 +187,26 @@ impl Problem {
 
     /// Adds an extension member.
     #[must_use]
-    pub fn with(mut self, member: &str, value: impl Into<Value>) -> Self {
+    pub(crate) fn with(mut self, member: &str, value: impl Into<Value>) -> Self {
         self.0.members.insert(member.to_owned(), value.into());
         self
     }
 
     /// Adds a header to the answer.
     #[must_use]
-    pub fn with_header(mut self, name: header::HeaderName, value: impl Into<String>) -> Self {
+    pub(crate) fn with_header(mut self, name: header::HeaderName, value: impl Into<String>) -> Self {
         self.0.headers.push((name, value.into()));
         self
     }
 
-    /// The kind.
-    #[must_use]
-    pub fn kind(&self) -> Kind {
+    #[cfg(test)]
+    pub(crate) fn kind(&self) -> Kind {
         self.0.kind
     }
 
     /// The document.
     #[must_use]
-    pub fn document(&self, instance: Option<String>, request_id: Option<String>) -> ProblemDocument {
+    pub(crate) fn document(&self, instance: Option<String>, request_id: Option<String>) -> ProblemDocument {
         ProblemDocument {
             kind: format!("/problems/{}", self.0.kind.name()),
             title: self.0.kind.title().to_owned(),
@@ -341,7 +340,7 @@ impl From<&JobFailure> for Problem {
 
 /// Why a job that has not succeeded has no results; `None` for one that has.
 #[must_use]
-pub fn without_result(job: &JobRecord) -> Option<Problem> {
+pub(crate) fn without_result(job: &JobRecord) -> Option<Problem> {
     let problem = match job.state {
         JobState::Succeeded => return None,
         JobState::Queued | JobState::Running => Problem::new(

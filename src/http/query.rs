@@ -20,7 +20,7 @@ const SLIP_SIMILARITY: f64 = 0.7;
 
 /// What values an argument takes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Accepts {
+pub(crate) enum Accepts {
     /// A whole number in a closed range.
     Integer(u64, u64),
     /// A finite number above zero.
@@ -37,7 +37,7 @@ pub enum Accepts {
 
 /// An argument that exists.
 #[derive(Debug, Clone, Copy)]
-pub struct Argument {
+pub(crate) struct Argument {
     /// Its name.
     pub name: &'static str,
     /// Another name for it.
@@ -51,7 +51,7 @@ pub struct Argument {
 }
 
 impl Accepts {
-    fn from_text(self, text: &str) -> Option<Value> {
+    fn read(self, text: &str) -> Option<Value> {
         let value = match self {
             Self::Integer(..) => u64::from_str(text).ok()?.into(),
             Self::Positive | Self::Between(..) => f64::from_str(text).ok()?.into(),
@@ -79,7 +79,7 @@ impl Accepts {
 
     /// What is accepted, in words.
     #[must_use]
-    pub fn in_words(self) -> String {
+    pub(crate) fn in_words(self) -> String {
         match self {
             Self::Integer(least, u64::MAX) => format!("a whole number from {least}"),
             Self::Integer(least, most) => format!("a whole number from {least} to {most}"),
@@ -93,7 +93,7 @@ impl Accepts {
 
     /// The JSON schema of a value.
     #[must_use]
-    pub fn schema(self) -> Object {
+    pub(crate) fn schema(self) -> Object {
         let object = ObjectBuilder::new();
         match self {
             Self::Integer(least, most) => {
@@ -121,7 +121,7 @@ impl Accepts {
 impl Argument {
     /// The refusal of a value.
     #[must_use]
-    pub fn refuse(&self, value: &str) -> Problem {
+    pub(crate) fn refuse(&self, value: &str) -> Problem {
         let accepted = self.accepts.in_words();
         let shown: String = value.chars().take(80).collect();
         Problem::new(
@@ -138,7 +138,7 @@ impl Argument {
 
     /// As the OpenAPI document shows it.
     #[must_use]
-    pub fn document(&self) -> Parameter {
+    pub(crate) fn document(&self) -> Parameter {
         ParameterBuilder::new()
             .name(self.name)
             .parameter_in(ParameterIn::Query)
@@ -151,7 +151,7 @@ impl Argument {
 
 /// The arguments of one request, each known and of the right type.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     values: BTreeMap<&'static str, Value>,
 }
 
@@ -160,14 +160,14 @@ impl Arguments {
     ///
     /// # Errors
     /// A problem that names the argument and what would be accepted.
-    pub fn from_query(uri: &Uri, tables: &[&'static [Argument]]) -> Result<Self, Problem> {
+    pub(crate) fn from_query(uri: &Uri, tables: &[&'static [Argument]]) -> Result<Self, Problem> {
         let RawQuery(pairs) = RawQuery::<Vec<(String, String)>>::try_from_uri(uri).map_err(|error| {
             Problem::new(ProblemKind::MalformedRequest, format!("the query cannot be read: {error}"))
         })?;
         let mut arguments = Self::default();
         for (name, text) in pairs {
             let argument = find(&name, tables)?;
-            let value = argument.accepts.from_text(&text).ok_or_else(|| argument.refuse(&text))?;
+            let value = argument.accepts.read(&text).ok_or_else(|| argument.refuse(&text))?;
             arguments.add(argument, value)?;
         }
         Ok(arguments)
@@ -177,7 +177,10 @@ impl Arguments {
     ///
     /// # Errors
     /// A problem that names the argument and what would be accepted.
-    pub fn from_json(object: Map<String, Value>, tables: &[&'static [Argument]]) -> Result<Self, Problem> {
+    pub(crate) fn from_json(
+        object: Map<String, Value>,
+        tables: &[&'static [Argument]],
+    ) -> Result<Self, Problem> {
         let mut arguments = Self::default();
         for (name, value) in object {
             let argument = find(&name, tables)?;
@@ -205,7 +208,7 @@ impl Arguments {
 
     /// The values of those arguments that are in `table`.
     #[must_use]
-    pub fn of(&self, table: &[Argument]) -> Map<String, Value> {
+    pub(crate) fn of(&self, table: &[Argument]) -> Map<String, Value> {
         table
             .iter()
             .filter_map(|argument| Some((argument.name.to_owned(), self.values.get(argument.name)?.clone())))
@@ -214,25 +217,25 @@ impl Arguments {
 
     /// An integer.
     #[must_use]
-    pub fn integer(&self, name: &str) -> Option<u64> {
+    pub(crate) fn integer(&self, name: &str) -> Option<u64> {
         self.values.get(name).and_then(Value::as_u64)
     }
 
     /// A switch.
     #[must_use]
-    pub fn switch(&self, name: &str) -> Option<bool> {
+    pub(crate) fn switch(&self, name: &str) -> Option<bool> {
         self.values.get(name).and_then(Value::as_bool)
     }
 
     /// A word.
     #[must_use]
-    pub fn word(&self, name: &str) -> Option<&str> {
+    pub(crate) fn word(&self, name: &str) -> Option<&str> {
         self.values.get(name).and_then(Value::as_str)
     }
 
     /// An id.
     #[must_use]
-    pub fn id(&self, name: &str) -> Option<Uuid> {
+    pub(crate) fn id(&self, name: &str) -> Option<Uuid> {
         self.word(name).and_then(|text| text.parse().ok())
     }
 }
@@ -267,17 +270,17 @@ fn find(name: &str, tables: &[&'static [Argument]]) -> Result<&'static Argument,
 macro_rules! arguments {
     ($(#[$meta:meta])* $name:ident = $($table:expr),+ $(,)?) => {
         $(#[$meta])*
-        pub struct $name;
+        pub(crate) struct $name;
 
         impl $name {
             /// The tables.
-            pub const TABLES: &'static [&'static [$crate::http::query::Argument]] = &[$($table),+];
+            pub(crate) const TABLES: &'static [&'static [$crate::http::query::Argument]] = &[$($table),+];
 
             /// Reads the query of `uri`.
             ///
             /// # Errors
             /// As [`Arguments::from_query`]($crate::http::query::Arguments::from_query).
-            pub fn read(
+            pub(crate) fn read(
                 uri: &axum::http::Uri,
             ) -> Result<$crate::http::query::Arguments, $crate::http::problem::Problem> {
                 $crate::http::query::Arguments::from_query(uri, Self::TABLES)

@@ -11,13 +11,13 @@ use uuid::Uuid;
 use super::problem::Problem;
 
 /// Carries the request's id, both ways.
-pub const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
 /// Longest id that a client may choose.
 const REQUEST_ID_LENGTH_MAX: usize = 128;
 
 /// Gives the request an id, logs it, and completes a [`Problem`] into its document.
-pub async fn identify(request: Request, next: Next) -> Response {
+pub(crate) async fn identify(request: Request, next: Next) -> Response {
     let started = Instant::now();
     let id = chosen_by_client(request.headers()).unwrap_or_else(|| Uuid::now_v7().to_string());
     let method = request.method().clone();

@@ -15,7 +15,7 @@ const CHUNKS_AHEAD: usize = 2;
 
 /// A file that is a header, n rows of `stride` bytes, and a tail.
 #[derive(Debug)]
-pub struct RowLayout {
+pub(crate) struct RowLayout {
     /// What stands before the rows.
     pub header: Vec<u8>,
     /// Bytes of a row, at least 1.
@@ -29,14 +29,14 @@ pub struct RowLayout {
 impl RowLayout {
     /// Length of the file in bytes.
     #[must_use]
-    pub fn length(&self) -> u64 {
+    pub(crate) fn length(&self) -> u64 {
         (self.header.len() + self.tail.len()) as u64 + self.stride as u64 * self.rows as u64
     }
 
     /// The bytes `span` of the file, where `encode` makes the bytes of a whole chunk of [`CHUNK_POINTS`] rows.
     ///
     /// An error in the middle breaks the connection off, so that the client sees a short answer for what it is.
-    pub fn stream<F, Encoded>(self, span: Range<u64>, encode: F) -> Body
+    pub(crate) fn stream<F, Encoded>(self, span: Range<u64>, encode: F) -> Body
     where
         F: Fn(usize) -> Encoded + Send + 'static,
         Encoded: Future<Output = Result<Vec<u8>, Problem>> + Send + 'static,

@@ -18,7 +18,7 @@ use crate::spectrum::Spectrum;
 use crate::store::JobRecord;
 
 /// What it can be had as.
-pub const OFFERS: [Offer; 2] = [JSON, CSV];
+pub(crate) const OFFERS: [Offer; 2] = [JSON, CSV];
 
 const ARGUMENTS: &[Argument] = &[Argument {
     name: "format",
@@ -35,7 +35,7 @@ arguments!(
 
 /// A spectrum, and whose it is.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct SpectrumView {
+pub(crate) struct SpectrumView {
     /// The job.
     job_id: Uuid,
     /// The cloud it analysed.
@@ -59,7 +59,7 @@ pub struct SpectrumView {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn spectrum(
+pub(crate) async fn spectrum(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,

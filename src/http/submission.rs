@@ -25,7 +25,7 @@ use crate::cloud::{NonFinite, PointCloud};
 use crate::store::Submitted;
 
 /// How the upload is read.
-pub const UPLOAD: &[Argument] = &[
+pub(crate) const UPLOAD: &[Argument] = &[
     Argument {
         name: "format",
         alias: None,
@@ -66,7 +66,7 @@ arguments!(
 
 /// What a submission came to.
 #[derive(Debug, Serialize, ToSchema)]
-pub struct Submission {
+pub(crate) struct Submission {
     /// The cloud.
     cloud: CloudView,
     /// The job; null with `analyze=false`.
@@ -79,12 +79,12 @@ pub struct Submission {
 #[derive(Debug, ToSchema)]
 #[schema(value_type = String, format = Binary)]
 #[allow(dead_code)] // names the request body in the OpenAPI document
-pub struct CloudFile(Vec<u8>);
+pub(crate) struct CloudFile(Vec<u8>);
 
 /// Parameters of a job: the fields of the query of `POST /clouds`.
 #[derive(Debug, ToSchema)]
 #[allow(dead_code)] // names the request body in the OpenAPI document
-pub struct JobRequest {
+pub(crate) struct JobRequest {
     /// What the job computes.
     #[schema(default = "eigen")]
     kind: Option<JobKind>,
@@ -115,7 +115,7 @@ pub struct JobRequest {
         (status = 429, description = "The queue is full.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn post_cloud(State(service): State<Shared>, request: Request) -> Result<Response, Problem> {
+pub(crate) async fn post_cloud(State(service): State<Shared>, request: Request) -> Result<Response, Problem> {
     receive(&service, request, None).await
 }
 
@@ -133,7 +133,7 @@ pub async fn post_cloud(State(service): State<Shared>, request: Request) -> Resu
         (status = "4XX", description = "As for POST.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn put_cloud(State(service): State<Shared>, request: Request) -> Result<Response, Problem> {
+pub(crate) async fn put_cloud(State(service): State<Shared>, request: Request) -> Result<Response, Problem> {
     receive(&service, request, None).await
 }
 
@@ -153,7 +153,7 @@ pub async fn put_cloud(State(service): State<Shared>, request: Request) -> Resul
         (status = "4XX", description = "As for POST.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn put_cloud_named(
+pub(crate) async fn put_cloud_named(
     State(service): State<Shared>,
     Path(file_name): Path<String>,
     request: Request,
@@ -180,7 +180,7 @@ pub async fn put_cloud_named(
         (status = 429, description = "The queue is full.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub async fn post_job(
+pub(crate) async fn post_job(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,

@@ -17,7 +17,7 @@ const UNSPECIFIC: [&str; 3] = ["application/octet-stream", "application/x-www-fo
 
 /// A file as it arrived.
 #[derive(Debug)]
-pub struct Upload {
+pub(crate) struct Upload {
     /// Its bytes.
     pub bytes: Vec<u8>,
     /// What it is called, if the client said.
@@ -31,7 +31,7 @@ impl Upload {
     ///
     /// # Errors
     /// A problem: over the limit, malformed, stalled, of a media type that is not supported.
-    pub async fn receive(request: Request, limits: &Limits) -> Result<Self, Problem> {
+    pub(crate) async fn receive(request: Request, limits: &Limits) -> Result<Self, Problem> {
         let announced = request.headers().get(header::CONTENT_LENGTH);
         let announced = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
         if announced.is_some_and(|length| length > limits.body_bytes) {
@@ -70,7 +70,7 @@ impl Upload {
     ///
     /// # Errors
     /// A problem that names the formats.
-    pub fn format(&self, named: Option<Format>) -> Result<Format, Problem> {
+    pub(crate) fn format(&self, named: Option<Format>) -> Result<Format, Problem> {
         let ending = self.file_name.as_deref().and_then(|name| name.rsplit_once('.'));
         named
             .or(self.declared)
@@ -113,6 +113,7 @@ fn malformed(error: MultipartError) -> Problem {
     Problem::new(Kind::MalformedRequest, format!("the multipart body cannot be read: {}", error.body_text()))
 }
 
+#[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
 fn interrupted(error: axum::Error) -> Problem {
     tracing::debug!(%error, "upload interrupted");
     Problem::new(Kind::MalformedRequest, "the body ended before all of it had come")

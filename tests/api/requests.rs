@@ -129,3 +129,12 @@ async fn a_client_that_never_ends_its_head_is_closed() {
     assert_eq!(service.get("/livez").await.status(), StatusCode::OK);
     assert!(ended.await.unwrap());
 }
+
+#[tokio::test]
+async fn the_type_of_a_problem_leads_somewhere() {
+    let service = Service::start().await;
+    let refused = problem(service.get("/nothing").await, StatusCode::NOT_FOUND, "not-found").await;
+    let kind = service.json(refused["type"].as_str().unwrap()).await;
+    assert_eq!((&kind["type"], &kind["title"]), (&refused["type"], &refused["title"]));
+    problem(service.get("/problems/none").await, StatusCode::NOT_FOUND, "not-found").await;
+}

@@ -1,5 +1,7 @@
 //! Bases, spectra and operators of finished jobs.
 
+#![allow(clippy::float_cmp)] // the same numbers, whatever the format
+
 use chladni::cloud::reader::{self, Format, ReadOptions};
 use chladni::cloud::{NonFinite, PointCloud};
 use reqwest::{Method, StatusCode};
