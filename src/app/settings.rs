@@ -1,0 +1,162 @@
+//! Every setting of the service, from flags and environment, with its unit.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use super::listener::Connections;
+use crate::cloud::reader;
+use crate::http::Limits;
+use crate::jobs::JobsSettings;
+
+/// How the service runs, and what it accepts at most.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Settings {
+    /// Address and port; port 0 takes a free one. Other machines reach it only on another address than loopback.
+    #[arg(long, env = "CHLADNI_LISTEN", value_name = "ADDRESS", default_value_t = Self::default().listen)]
+    pub listen: SocketAddr,
+
+    /// File of the database; made when it is not there.
+    #[arg(long, env = "CHLADNI_DATABASE", value_name = "FILE", default_value = "chladni.db")]
+    pub database: PathBuf,
+
+    /// Threads that compute, 0 for one per processor.
+    #[arg(long, env = "CHLADNI_THREADS", value_name = "N", default_value_t = Self::default().threads)]
+    pub threads: usize,
+
+    /// Jobs that run at the same time.
+    #[arg(long, env = "CHLADNI_JOBS_AT_ONCE", value_name = "N", default_value_t = Self::default().jobs_at_once)]
+    pub jobs_at_once: usize,
+
+    /// Bytes of an upload, at most.
+    #[arg(long, env = "CHLADNI_MAX_BODY", value_name = "BYTES", default_value_t = Self::default().max_body)]
+    pub max_body: u64,
+
+    /// Points of a cloud, at most.
+    #[arg(long, env = "CHLADNI_POINTS_MAX", value_name = "N", default_value_t = Self::default().points_max)]
+    pub points_max: usize,
+
+    /// Triangles of a cloud, at most.
+    #[arg(long, env = "CHLADNI_FACES_MAX", value_name = "N", default_value_t = Self::default().faces_max)]
+    pub faces_max: usize,
+
+    /// Per-point scalars of a cloud, at most.
+    #[arg(long, env = "CHLADNI_FIELDS_MAX", value_name = "N", default_value_t = Self::default().fields_max)]
+    pub fields_max: usize,
+
+    /// Bases of a job, at most.
+    #[arg(long, env = "CHLADNI_BASES_MAX", value_name = "N", default_value_t = Self::default().bases_max)]
+    pub bases_max: usize,
+
+    /// Jobs that wait, at most.
+    #[arg(long, env = "CHLADNI_QUEUE_MAX", value_name = "N", default_value_t = Self::default().queue_max)]
+    pub queue_max: u64,
+
+    /// Open connections, at most; further ones wait to be accepted.
+    #[arg(long, env = "CHLADNI_CONNECTIONS_MAX", value_name = "N", default_value_t = Self::default().connections_max)]
+    pub connections_max: usize,
+
+    /// Seconds for the head of a request, and between requests on an open connection.
+    #[arg(long, env = "CHLADNI_HEADER_SECONDS", value_name = "SECONDS", default_value_t = Self::default().header_seconds)]
+    pub header_seconds: u64,
+
+    /// Seconds without a byte after which an upload is given up.
+    #[arg(long, env = "CHLADNI_STALL_SECONDS", value_name = "SECONDS", default_value_t = Self::default().stall_seconds)]
+    pub stall_seconds: u64,
+
+    /// Seconds that open answers and running jobs get at a stop.
+    #[arg(long, env = "CHLADNI_GRACE_SECONDS", value_name = "SECONDS", default_value_t = Self::default().grace_seconds)]
+    pub grace_seconds: u64,
+
+    /// File of API keys, one per line; requests must then carry `Authorization: Bearer KEY`.
+    #[arg(long, env = "CHLADNI_API_KEYS", value_name = "FILE")]
+    pub api_keys: Option<PathBuf>,
+
+    /// Serve other machines without asking for a key.
+    #[arg(long, env = "CHLADNI_ALLOW_PUBLIC")]
+    pub allow_public: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let reader = reader::Limits::default();
+        Self {
+            listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 8080)),
+            database: PathBuf::from("chladni.db"),
+            threads: 0,
+            jobs_at_once: 1,
+            max_body: 1 << 30,
+            points_max: reader.points_max,
+            faces_max: reader.faces_max,
+            fields_max: reader.fields_max,
+            bases_max: 1000,
+            queue_max: 1000,
+            connections_max: 1024,
+            header_seconds: 15,
+            stall_seconds: 30,
+            grace_seconds: 20,
+            api_keys: None,
+            allow_public: false,
+        }
+    }
+}
+
+impl Settings {
+    pub(super) fn threads(&self) -> usize {
+        if self.threads > 0 {
+            self.threads
+        } else {
+            std::thread::available_parallelism().map_or(1, usize::from)
+        }
+    }
+
+    pub(super) fn jobs(&self) -> JobsSettings {
+        let concurrent = NonZeroUsize::new(self.jobs_at_once).unwrap_or(NonZeroUsize::MIN);
+        JobsSettings { concurrent, ..JobsSettings::default() }
+    }
+
+    pub(super) fn grace(&self) -> Duration {
+        Duration::from_secs(self.grace_seconds)
+    }
+
+    pub(super) fn connections(&self) -> Connections {
+        Connections {
+            at_once: self.connections_max.max(1),
+            header: Duration::from_secs(self.header_seconds),
+            grace: self.grace(),
+        }
+    }
+
+    pub(super) fn limits(&self) -> Limits {
+        Limits {
+            body_bytes: self.max_body,
+            stall: Duration::from_secs(self.stall_seconds),
+            bases_max: self.bases_max,
+            queue_max: self.queue_max,
+            reader: reader::Limits {
+                points_max: self.points_max,
+                fields_max: self.fields_max,
+                faces_max: self.faces_max,
+                ..reader::Limits::default()
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(clap::Parser)]
+    struct Command {
+        #[command(flatten)]
+        settings: Settings,
+    }
+
+    #[test]
+    fn flags_that_are_not_given_have_the_default_values() {
+        let given = <Command as clap::Parser>::try_parse_from(["chladni"]).unwrap().settings;
+        assert_eq!(format!("{given:?}"), format!("{:?}", Settings::default()));
+    }
+}

@@ -1,0 +1,133 @@
+//! Reads the command line and runs a command. Without one, the service is started.
+
+mod analyze;
+mod demo;
+mod health;
+mod output;
+mod sample;
+mod serve;
+
+use std::ffi::OsString;
+use std::future::Future;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Spectral geometry of scanned surfaces: Laplace-Beltrami operators and manifold harmonics of point clouds.
+#[derive(Debug, Parser)]
+#[command(name = "chladni", version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Serve the HTTP interface (the default command)
+    Serve(serve::ServeArgs),
+    /// Show what the service does, on a synthetic scan
+    Demo(demo::DemoArgs),
+    /// Analyse a point cloud and write the results into a directory
+    Analyze(Box<analyze::AnalyzeArgs>),
+    /// Write a sample shape with known geometry
+    Sample(sample::SampleArgs),
+    /// Ask a running service whether it is alive; exits 0 if so
+    Health(health::HealthArgs),
+}
+
+/// Why a command ended without doing what it should.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    /// The caller can mend it: exit code 2, as for a misspelt flag.
+    #[error("{0}")]
+    Input(String),
+    /// Anything else: exit code 1.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl Failure {
+    fn input(error: impl std::fmt::Display) -> Self {
+        Self::Input(error.to_string())
+    }
+
+    fn other(error: impl std::fmt::Display) -> Self {
+        Self::Other(error.to_string())
+    }
+
+    fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Input(_) => ExitCode::from(2),
+            Self::Other(_) => ExitCode::FAILURE,
+        }
+    }
+}
+
+/// Runs the command that the command line names.
+#[allow(clippy::print_stderr)] // errors of commands go there
+pub(crate) fn main() -> ExitCode {
+    let cli = Cli::parse_from(with_command(std::env::args_os().collect()));
+    let result = match cli.command {
+        Command::Serve(args) => block_on(serve::run(args)),
+        Command::Demo(args) => block_on(demo::run(args)),
+        Command::Analyze(args) => analyze::run(&args),
+        Command::Sample(args) => sample::run(&args),
+        Command::Health(args) => health::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("chladni: error: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+/// Puts `serve` in where no command is named: `chladni --listen …` serves.
+fn with_command(mut arguments: Vec<OsString>) -> Vec<OsString> {
+    let first = arguments.get(1).and_then(|argument| argument.to_str());
+    let serves = match first {
+        None => arguments.len() < 2,
+        Some("-h" | "--help" | "-V" | "--version") => false,
+        Some(first) => first.starts_with('-'),
+    };
+    if serves {
+        arguments.insert(1.min(arguments.len()), "serve".into());
+    }
+    arguments
+}
+
+fn block_on<E: std::fmt::Display>(command: impl Future<Output = Result<(), E>>) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::other)?;
+    runtime.block_on(command).map_err(Failure::other)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    fn completed(words: &[&str]) -> Vec<OsString> {
+        with_command(words.iter().map(OsString::from).collect())
+    }
+
+    #[test]
+    fn the_service_starts_when_no_command_is_named() {
+        assert_eq!(completed(&["chladni"]), ["chladni", "serve"]);
+        assert_eq!(
+            completed(&["chladni", "--listen", "[::1]:9"]),
+            ["chladni", "serve", "--listen", "[::1]:9"]
+        );
+        for words in
+            [&["chladni", "sample"][..], &["chladni", "--help"], &["chladni", "-V"], &["chladni", "srve"]]
+        {
+            assert_eq!(completed(words), words);
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,192 @@
+//! `chladni analyze`: a file in, a directory of results out.
+
+mod results;
+mod run;
+mod summary;
+
+use std::path::{Path, PathBuf};
+
+use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
+use chladni::cloud::reader::{Format, Limits, ReadOptions, read};
+use chladni::cloud::{NonFinite, PointCloud};
+use chladni::operator::OperatorKind;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use super::{Failure, output};
+
+/// Analyse a point cloud and write the results into a directory.
+#[derive(Debug, clap::Args)]
+pub(crate) struct AnalyzeArgs {
+    /// Point cloud: PLY, OBJ, OFF, XYZ, CSV or NPY
+    cloud: PathBuf,
+
+    /// Directory for the results
+    #[arg(long, short, value_name = "DIR")]
+    output: PathBuf,
+
+    /// Write into a directory that is not empty
+    #[arg(long)]
+    force: bool,
+
+    /// Operator and mass only, or eigenpairs too
+    #[arg(long, default_value = "eigen", value_parser = kinds())]
+    kind: JobKind,
+
+    /// Format of the cloud, where neither extension nor content tell
+    #[arg(long, value_parser = formats())]
+    format: Option<Format>,
+
+    /// For tables: the first so many columns are the coordinates
+    #[arg(long, value_name = "D")]
+    dimension: Option<usize>,
+
+    /// Rows with a non-finite coordinate: refuse the cloud, or drop the rows
+    #[arg(long, default_value = "reject", value_parser = policies())]
+    nonfinite: NonFinite,
+
+    /// Threads that compute, 0 for one per processor
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+
+    #[command(flatten)]
+    parameters: ParameterArgs,
+}
+
+/// The analysis's parameters; what is not given is derived from the cloud.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Parameters of the analysis")]
+struct ParameterArgs {
+    /// Discrete Laplace-Beltrami operator
+    #[arg(long, default_value = OperatorKind::default().name(), value_parser = operators())]
+    operator: OperatorKind,
+
+    /// Number of eigenpairs, the zero modes included
+    #[arg(long, short = 'k', value_name = "K", default_value_t = Parameters::default().bases)]
+    bases: usize,
+
+    /// Largest relative residual of an eigenpair
+    #[arg(long = "tol", alias = "tolerance", value_name = "RESIDUAL", default_value_t = Parameters::default().tolerance)]
+    tolerance: f64,
+
+    /// Time of the heat kernel, in squared units of the cloud
+    #[arg(long)]
+    t: Option<f64>,
+
+    /// The same as a multiple of the squared covering radius
+    #[arg(long, value_name = "FACTOR")]
+    t_factor: Option<f64>,
+
+    /// Cut-off radius of the heat kernel, in units of the cloud
+    #[arg(long)]
+    delta: Option<f64>,
+
+    /// The same as a multiple of √(2t)
+    #[arg(long, value_name = "FACTOR")]
+    delta_factor: Option<f64>,
+
+    /// Covering radius, in units of the cloud, instead of the estimate
+    #[arg(long)]
+    epsilon: Option<f64>,
+
+    /// Exactly the paper's operator: all additions below are off unless they are set
+    #[arg(long)]
+    paper: bool,
+
+    /// Scale projected neighbours back to their true distance before cells are clipped
+    #[arg(long, value_name = "BOOL")]
+    isometric_cells: Option<bool>,
+
+    /// Make up for the Gaussian's share beyond the cut-off
+    #[arg(long, value_name = "BOOL")]
+    truncation_compensation: Option<bool>,
+
+    /// Couple only neighbours on the same sheet of the surface
+    #[arg(long, value_name = "BOOL")]
+    sheet_aware: Option<bool>,
+
+    /// Report λ = −ln(1−tμ)/t beside the raw μ
+    #[arg(long, value_name = "BOOL")]
+    heat_correction: Option<bool>,
+}
+
+impl ParameterArgs {
+    fn parameters(&self) -> Parameters {
+        Parameters {
+            operator: self.operator,
+            bases: self.bases,
+            tolerance: self.tolerance,
+            t: self.t,
+            t_factor: self.t_factor,
+            delta: self.delta,
+            delta_factor: self.delta_factor,
+            epsilon: self.epsilon,
+            paper: self.paper,
+            isometric_cells: self.isometric_cells,
+            truncation_compensation: self.truncation_compensation,
+            sheet_aware: self.sheet_aware,
+            heat_correction: self.heat_correction,
+        }
+    }
+}
+
+fn operators() -> impl TypedValueParser<Value = OperatorKind> {
+    let find = |name: String| OperatorKind::ALL.into_iter().find(|kind| kind.name() == name);
+    PossibleValuesParser::new(OperatorKind::ALL.map(OperatorKind::name))
+        .try_map(move |name| find(name).ok_or("unknown"))
+}
+
+fn kinds() -> impl TypedValueParser<Value = JobKind> {
+    PossibleValuesParser::new(["eigen", "operator"])
+        .map(|name| if name == "operator" { JobKind::Operator } else { JobKind::Eigen })
+}
+
+fn policies() -> impl TypedValueParser<Value = NonFinite> {
+    PossibleValuesParser::new(["reject", "drop"])
+        .map(|name| if name == "drop" { NonFinite::Drop } else { NonFinite::Reject })
+}
+
+fn formats() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::ALL.map(Format::name))
+        .try_map(|name| Format::from_name(&name).ok_or("unknown"))
+}
+
+/// Reads, analyses, writes, and prints a summary.
+pub(crate) fn run(args: &AnalyzeArgs) -> Result<(), Failure> {
+    let parameters = args.parameters.parameters();
+    parameters.check().map_err(Failure::input)?;
+    let directory = output::Directory::prepare(&args.output, args.force)?;
+    let cloud = cloud(args)?;
+    analysis::admit(&cloud, &parameters).map_err(|error| of_analysis(&error))?;
+    let ran = run::with_progress(&cloud, args.kind, &parameters, args.threads)?;
+    let files = results::write(directory, &cloud, args.kind, &ran)?;
+    summary::print(&ran, &files);
+    Ok(())
+}
+
+fn cloud(args: &AnalyzeArgs) -> Result<PointCloud, Failure> {
+    let shown = args.cloud.display();
+    let bytes = std::fs::read(&args.cloud).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
+    let format = args.format.or_else(|| of_extension(&args.cloud)).or_else(|| Format::sniff(&bytes));
+    let Some(format) = format else {
+        let names = Format::ALL.map(Format::name).join(", ");
+        return Err(Failure::Input(format!("{shown}: unknown format; name it with --format ({names})")));
+    };
+    // The service's limits protect it from strangers; here the caller's own machine is the limit.
+    let limits = Limits { points_max: u32::MAX as usize, faces_max: u32::MAX as usize, ..Limits::default() };
+    let options = ReadOptions { policy: args.nonfinite, dimension: args.dimension, limits };
+    read(&bytes, format, &options).map_err(|error| Failure::Input(format!("{shown}: {error}")))
+}
+
+fn of_extension(path: &Path) -> Option<Format> {
+    Format::from_extension(path.extension()?.to_str()?)
+}
+
+/// A cloud or parameter that the analysis refuses is the caller's; a numerical failure is ours.
+fn of_analysis(error: &AnalysisError) -> Failure {
+    match error {
+        AnalysisError::Parameter { .. } | AnalysisError::Cloud(_) | AnalysisError::Unsupported(_) => {
+            Failure::input(error)
+        }
+        AnalysisError::Numerical(_) | AnalysisError::Canceled(_) => Failure::other(error),
+    }
+}

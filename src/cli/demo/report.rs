@@ -1,0 +1,117 @@
+//! What the demo prints: the spectrum, how far to trust it, and what to try next.
+
+#![allow(clippy::print_stdout)] // the printout is the command's output
+
+use std::net::SocketAddr;
+
+use serde_json::Value;
+
+use super::DemoError;
+use super::client::Client;
+
+/// Largest entry of `HᵀBH − I`, from the bases and masses that the service hands out.
+///
+/// # Errors
+/// [`DemoError::Answer`] when they have not the right shape.
+pub(crate) async fn orthogonality(
+    client: &mut Client,
+    id: &str,
+    points: usize,
+    bases: usize,
+) -> Result<f64, DemoError> {
+    let answer = |reason: String| DemoError::Answer(reason);
+    let file = client.get(&format!("/jobs/{id}/bases?format=npy")).await?;
+    let array = npyz::NpyFile::new(&file[..])?;
+    if array.shape() != [points as u64, bases as u64] {
+        return Err(answer(format!("bases of shape {:?} instead of ({points}, {bases})", array.shape())));
+    }
+    let values = array.into_vec::<f64>()?;
+    let text = client.get(&format!("/jobs/{id}/operator?format=mtx&matrix=b")).await?;
+    let mass =
+        diagonal(&String::from_utf8_lossy(&text), points).ok_or_else(|| answer("masses".to_owned()))?;
+    let mut gram = vec![0.0; bases * bases];
+    for (row, mass) in values.chunks(bases).zip(&mass).filter(|(_, mass)| **mass > 0.0) {
+        for (i, left) in row.iter().enumerate() {
+            for (sum, right) in gram[i * bases..].iter_mut().zip(row) {
+                *sum += mass * left * right;
+            }
+        }
+    }
+    let identity = |i: usize| if i.is_multiple_of(bases + 1) { 1.0 } else { 0.0 };
+    Ok(gram.iter().enumerate().map(|(i, x)| (x - identity(i)).abs()).fold(0.0, f64::max))
+}
+
+/// The diagonal of a matrix in Matrix Market format; rows without an entry have 0.
+fn diagonal(text: &str, rows: usize) -> Option<Vec<f64>> {
+    let mut diagonal = vec![0.0; rows];
+    for line in text.lines().filter(|line| !line.starts_with('%')).skip(1) {
+        let mut words = line.split_ascii_whitespace();
+        let row: usize = words.next()?.parse().ok()?;
+        *diagonal.get_mut(row.checked_sub(1)?)? = words.nth(1)?.parse().ok()?;
+    }
+    Some(diagonal)
+}
+
+/// Prints everything.
+pub(crate) fn print(address: SocketAddr, job: &Value, spectrum: &Value, orthogonality: f64) {
+    print_spectrum(spectrum);
+    print_certificates(job, spectrum, orthogonality);
+    print_next(address, job["id"].as_str().unwrap_or_default(), job["cloud_id"].as_str().unwrap_or_default());
+}
+
+fn print_spectrum(spectrum: &Value) {
+    println!("\n    i      eigenvalue λ           raw μ    residual    wavelength 2π/√λ");
+    let number = |list: &str, i: usize| spectrum[list][i].as_f64().unwrap_or(f64::NAN);
+    for i in 0..spectrum["eigenvalues"].as_array().map_or(0, Vec::len) {
+        let (eigenvalue, raw) = (number("eigenvalues", i), number("raw_eigenvalues", i));
+        let wavelength =
+            if i == 0 { f64::INFINITY } else { std::f64::consts::TAU / eigenvalue.max(0.0).sqrt() };
+        println!("{i:5} {eigenvalue:17.9} {raw:15.9} {:11.1e} {wavelength:19.6}", number("residuals", i));
+    }
+}
+
+fn print_certificates(job: &Value, spectrum: &Value, orthogonality: f64) {
+    println!("\nBases fetched over HTTP: largest entry of HᵀBH − I is {orthogonality:.1e}.");
+    for name in ["certificates", "components", "area", "clusters"] {
+        if !spectrum[name].is_null() {
+            println!("{name}: {}", spectrum[name]);
+        }
+    }
+    if let Some(seconds) = job["phase_seconds"].as_object() {
+        let phases =
+            seconds.iter().map(|(phase, s)| format!("{phase} {:.2} s", s.as_f64().unwrap_or(f64::NAN)));
+        println!("Time: {}.", phases.collect::<Vec<_>>().join(", "));
+    }
+    for warning in job["warnings"].as_array().into_iter().flatten() {
+        println!("Warning: {}", warning.as_str().unwrap_or_default());
+    }
+}
+
+fn print_next(address: SocketAddr, job: &str, cloud: &str) {
+    println!("\nTry next:");
+    for line in [
+        format!("curl http://{address}/jobs/{job}"),
+        format!("curl http://{address}/jobs/{job}/spectrum.csv"),
+        format!("curl -O http://{address}/jobs/{job}/bases.ply     # opens in CloudCompare and MeshLab"),
+        format!("curl -O http://{address}/jobs/{job}/bases.npy     # numpy.load('bases.npy')"),
+        format!(
+            "curl -d '{{\"operator\": \"voronoi\", \"bases\": 50}}' http://{address}/clouds/{cloud}/jobs"
+        ),
+        format!("curl -T your-scan.ply 'http://{address}/clouds?bases=50'"),
+        format!("curl http://{address}/capabilities"),
+    ] {
+        println!("  {line}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_diagonal_is_read_with_its_gaps() {
+        let text = "%%MatrixMarket matrix coordinate real symmetric\n3 3 2\n1 1 5e-1\n3 3 2e0\n";
+        assert_eq!(diagonal(text, 3), Some(vec![0.5, 0.0, 2.0]));
+        assert_eq!(diagonal("%%\n1 1 1\n2 2 1e0\n", 1), None);
+    }
+}

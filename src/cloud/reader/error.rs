@@ -1,0 +1,110 @@
+//! Why a file was refused: always the place at fault and what would be accepted.
+
+use std::fmt;
+
+use super::Format;
+use crate::cloud::CloudError;
+
+/// Where in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Location {
+    /// A line, counting from 1.
+    Line(usize),
+    /// A byte, counting from 0.
+    Byte(usize),
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Byte(byte) => write!(f, "byte {byte}"),
+        }
+    }
+}
+
+/// What makes bytes unfit to be read as a cloud.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ReadError {
+    /// Nothing to read.
+    #[error("the file is empty; send a point cloud as PLY, OBJ, OFF, XYZ, CSV or NPY")]
+    Empty,
+    /// The file ends before it should.
+    #[error("{format}, {location}: the file ends too early: {message}")]
+    Truncated {
+        /// Format it was read as.
+        format: Format,
+        /// Where it ends.
+        location: Location,
+        /// What is missing.
+        message: String,
+    },
+    /// Something that the format does not allow.
+    #[error("{format}, {location}: {message}")]
+    Malformed {
+        /// Format it was read as.
+        format: Format,
+        /// Where.
+        location: Location,
+        /// What is wrong, and what would be accepted.
+        message: String,
+    },
+    /// More points than the limit.
+    #[error("the file has {points} points or more; up to {points_max} are accepted")]
+    TooManyPoints {
+        /// Announced by the header, or read before reading was given up.
+        points: usize,
+        /// The limit.
+        points_max: usize,
+    },
+    /// More per-point scalars than the limit.
+    #[error("the points have {fields} fields besides their coordinates; up to {fields_max} are accepted")]
+    TooManyFields {
+        /// Found.
+        fields: usize,
+        /// The limit.
+        fields_max: usize,
+    },
+    /// More triangles than the limit.
+    #[error("the file has more than {faces_max} triangles; leave the faces out, or send fewer")]
+    TooManyFaces {
+        /// The limit.
+        faces_max: usize,
+    },
+    /// More coordinates than the limit.
+    #[error(
+        "points have {dimension} coordinates; up to {dimension_max} are accepted (dimension=3 takes the first \
+         three columns as coordinates and keeps the rest as fields)"
+    )]
+    Dimension {
+        /// Found.
+        dimension: usize,
+        /// The limit.
+        dimension_max: usize,
+    },
+    /// The caller's `dimension` does not fit the file.
+    #[error(
+        "dimension={dimension} was asked for, but the rows have {columns} columns; 1 to {columns} are possible"
+    )]
+    DimensionColumns {
+        /// Asked for.
+        dimension: usize,
+        /// Columns of the table.
+        columns: usize,
+    },
+    /// The numbers were read, but they are no cloud.
+    #[error(transparent)]
+    Cloud(#[from] CloudError),
+}
+
+impl ReadError {
+    /// [`Self::Malformed`] at a line.
+    pub(super) fn line(format: Format, line: usize, message: impl Into<String>) -> Self {
+        Self::Malformed { format, location: Location::Line(line), message: message.into() }
+    }
+
+    /// [`Self::Malformed`] at a byte.
+    pub(super) fn byte(format: Format, byte: usize, message: impl Into<String>) -> Self {
+        Self::Malformed { format, location: Location::Byte(byte), message: message.into() }
+    }
+}

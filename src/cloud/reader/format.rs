@@ -1,0 +1,189 @@
+//! Which format a file has: by name, media type, extension, or its first bytes.
+
+use std::fmt;
+
+/// File formats that can be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Format {
+    /// Polygon file format, ASCII or binary.
+    Ply,
+    /// Wavefront OBJ.
+    Obj,
+    /// Object file format of Geomview.
+    Off,
+    /// A point per line, columns separated by blanks (also `.txt` and `.pts`).
+    Xyz,
+    /// Comma, semicolon or tab separated values.
+    Csv,
+    /// A NumPy array, n×d.
+    Npy,
+}
+
+/// How far [`Format::sniff`] looks.
+const SNIFFED_BYTES: usize = 4096;
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Self; 6] = [Self::Ply, Self::Obj, Self::Off, Self::Xyz, Self::Csv, Self::Npy];
+
+    /// Name in the interface.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+            Self::Off => "off",
+            Self::Xyz => "xyz",
+            Self::Csv => "csv",
+            Self::Npy => "npy",
+        }
+    }
+
+    /// Media type in answers. Only `model/obj` and `text/csv` are registered with IANA.
+    #[must_use]
+    pub const fn media_type(self) -> &'static str {
+        match self {
+            Self::Ply => "application/x-ply",
+            Self::Obj => "model/obj",
+            Self::Off => "application/x-off",
+            Self::Xyz => "text/x-xyz",
+            Self::Csv => "text/csv",
+            Self::Npy => "application/x-npy",
+        }
+    }
+
+    /// The format with this [`Self::name`], in any case.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name))
+    }
+
+    /// The format of a file with this extension (without the dot), in any case.
+    #[must_use]
+    pub fn from_extension(extension: &str) -> Option<Self> {
+        match extension.to_ascii_lowercase().as_str() {
+            "txt" | "pts" | "asc" => Some(Self::Xyz),
+            "coff" | "noff" => Some(Self::Off),
+            "tsv" => Some(Self::Csv),
+            name => Self::from_name(name),
+        }
+    }
+
+    /// The format that a `Content-Type` names; parameters are ignored. `None` for the general types, such as
+    /// `application/octet-stream` and `text/plain`: then the bytes decide.
+    #[must_use]
+    pub fn from_media_type(media_type: &str) -> Option<Self> {
+        let essence = media_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+        let (kind, name) = essence.split_once('/')?;
+        if !matches!(kind, "application" | "model" | "text") {
+            return None;
+        }
+        match name.strip_prefix("x-").unwrap_or(name) {
+            "tab-separated-values" => Some(Self::Csv),
+            "wavefront-obj" => Some(Self::Obj),
+            name => Self::from_name(name),
+        }
+    }
+
+    /// The format that the first bytes look like.
+    #[must_use]
+    pub fn sniff(bytes: &[u8]) -> Option<Self> {
+        let head = &bytes[..bytes.len().min(SNIFFED_BYTES)];
+        let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
+        if head.starts_with(b"\x93NUMPY") {
+            return Some(Self::Npy);
+        }
+        if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
+            return Some(Self::Ply);
+        }
+        if head.contains(&0) {
+            return None;
+        }
+        let lines = head.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+        lines.filter(|line| !line.is_empty() && !is_comment(line)).find_map(Self::from_line)
+    }
+
+    /// What the first line says that is no comment.
+    fn from_line(line: &[u8]) -> Option<Self> {
+        let word = line.split(u8::is_ascii_whitespace).next()?;
+        let is_obj =
+            matches!(word, b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"g" | b"o" | b"s" | b"mtllib" | b"usemtl");
+        if is_obj && word.len() < line.len() {
+            return Some(Self::Obj);
+        }
+        let letters = word.iter().take_while(|b| b.is_ascii_alphabetic()).count();
+        if matches!(&word[..letters], b"OFF" | b"COFF" | b"NOFF" | b"CNOFF") {
+            return Some(Self::Off);
+        }
+        if line.iter().any(|b| matches!(b, b',' | b';')) {
+            return Some(Self::Csv);
+        }
+        let is_number = super::text::number(word).is_some();
+        let names_axes = word.eq_ignore_ascii_case(b"x");
+        (is_number || names_axes).then_some(Self::Xyz)
+    }
+}
+
+fn is_comment(line: &[u8]) -> bool {
+    line.starts_with(b"#") || line.starts_with(b"//")
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Ply => "PLY",
+            Self::Obj => "OBJ",
+            Self::Off => "OFF",
+            Self::Xyz => "XYZ",
+            Self::Csv => "CSV",
+            Self::Npy => "NPY",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_format_is_found_by_its_name_extension_and_media_type() {
+        for format in Format::ALL {
+            assert_eq!(Format::from_name(format.name()), Some(format));
+            assert_eq!(Format::from_extension(&format.name().to_uppercase()), Some(format));
+            assert_eq!(Format::from_media_type(format.media_type()), Some(format));
+        }
+        assert_eq!(Format::from_media_type("text/csv; charset=utf-8; header=present"), Some(Format::Csv));
+        assert_eq!(Format::from_extension("pts"), Some(Format::Xyz));
+    }
+
+    #[test]
+    fn a_general_media_type_leaves_the_choice_to_the_bytes() {
+        for general in ["application/octet-stream", "text/plain", "image/ply", "", "nonsense"] {
+            assert_eq!(Format::from_media_type(general), None, "{general}");
+        }
+    }
+
+    #[test]
+    fn the_first_bytes_tell_the_format() {
+        let cases: [(&[u8], Option<Format>); 14] = [
+            (b"ply\r\nformat ascii 1.0", Some(Format::Ply)),
+            (b"\x93NUMPY\x01\x00", Some(Format::Npy)),
+            (b"# made by hand\nv 1 2 3", Some(Format::Obj)),
+            (b"mtllib a.mtl\n", Some(Format::Obj)),
+            (b"OFF\n3 1 0", Some(Format::Off)),
+            (b"OFF490 518 0", Some(Format::Off)),
+            (b"COFF 3 1 0", Some(Format::Off)),
+            (b"\xEF\xBB\xBFx,y,z\n1,2,3", Some(Format::Csv)),
+            (b"1;2;3", Some(Format::Csv)),
+            (b"//X Y Z\n1 2 3", Some(Format::Xyz)),
+            (b"nan 2 3", Some(Format::Xyz)),
+            (b"<html>", None),
+            (b"1 2 3\0", None),
+            (b"", None),
+        ];
+        for (bytes, format) in cases {
+            assert_eq!(Format::sniff(bytes), format, "{}", String::from_utf8_lossy(bytes));
+        }
+    }
+}

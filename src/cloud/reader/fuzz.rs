@@ -1,0 +1,106 @@
+//! No reader panics, whatever the bytes.
+
+use proptest::prelude::*;
+
+use super::{Format, Limits, ReadOptions, read};
+
+/// A small file per format that uses most of what the format has.
+fn seeds() -> Vec<(Format, Vec<u8>)> {
+    let mut ply = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nproperty uchar red\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        .to_vec();
+    ply.extend([0; 39]);
+    ply.extend([3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0]);
+    let mut npy =
+        b"\x93NUMPY\x01\x00\x3c\x00{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3), }\n".to_vec();
+    npy.extend([0; 48]);
+    let strips = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n5 0 1 2 -1 0\n";
+    vec![
+        (Format::Ply, ply),
+        (Format::Ply, strips.to_vec()),
+        (Format::Obj, b"v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1//1 2/2 -1\n".to_vec()),
+        (Format::Off, b"COFF\n3 1 0\n0 0 0 9 9 9\n1 0 0 9 9 9\n0 1 0 9 9 9\n3 0 1 2\n".to_vec()),
+        (Format::Xyz, b"2\n//X Y Z Intensity\n1 2 3 4\n5 6 7 8 # end\n".to_vec()),
+        (Format::Csv, b"x;y;z;\"a b\"\n1;2;3;4\n5;6;7;8\n".to_vec()),
+        (Format::Npy, npy),
+    ]
+}
+
+#[test]
+fn every_seed_is_a_valid_file_of_the_format_it_looks_like() {
+    for (format, bytes) in seeds() {
+        assert!(read(&bytes, format, &ReadOptions::default()).is_ok(), "{format}");
+        if format != Format::Xyz {
+            assert_eq!(Format::sniff(&bytes), Some(format));
+        }
+    }
+}
+
+#[test]
+fn a_file_cut_at_any_byte_is_read_in_part_or_refused() {
+    for (format, bytes) in seeds() {
+        for end in 0..bytes.len() {
+            if let Ok(cloud) = read(&bytes[..end], format, &ReadOptions::default()) {
+                assert!(cloud.len() <= 3);
+            }
+        }
+    }
+}
+
+#[test]
+fn limits_hold_in_every_format() {
+    let limits = Limits { points_max: 1, ..Limits::default() };
+    let options = ReadOptions { limits, ..ReadOptions::default() };
+    for (format, bytes) in seeds() {
+        let error = read(&bytes, format, &options).unwrap_err();
+        assert!(matches!(error, super::ReadError::TooManyPoints { points_max: 1, .. }), "{format}: {error}");
+    }
+}
+
+#[test]
+fn an_empty_file_is_refused_in_every_format() {
+    for format in Format::ALL {
+        for bytes in [&b""[..], b" \r\n\t"] {
+            assert_eq!(read(bytes, format, &ReadOptions::default()), Err(super::ReadError::Empty));
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300), format in 0..6_usize) {
+        let _ = Format::sniff(&bytes);
+        let _ = read(&bytes, Format::ALL[format], &ReadOptions::default());
+    }
+
+    #[test]
+    fn random_text_never_panics(text in "[-0-9a-z .,;/#\n\t\"]{0,200}", format in 0..6_usize) {
+        let _ = Format::sniff(text.as_bytes());
+        let _ = read(text.as_bytes(), Format::ALL[format], &ReadOptions::default());
+    }
+
+    #[test]
+    fn damaged_files_never_panic(
+        seed in 0..7_usize,
+        damages in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        dimension in proptest::option::of(0..10_usize),
+    ) {
+        let (format, mut bytes) = seeds().swap_remove(seed);
+        for (place, byte) in damages {
+            let place = place.index(bytes.len());
+            bytes[place] = byte;
+        }
+        let options = ReadOptions { dimension, ..ReadOptions::default() };
+        let _ = read(&bytes, format, &options);
+    }
+
+    #[test]
+    fn damaged_numbers_in_headers_never_panic_or_allocate_what_they_say(seed in 0..7_usize, digits in "[0-9]{1,22}") {
+        let (format, bytes) = seeds().swap_remove(seed);
+        for place in (0..bytes.len()).filter(|&i| bytes[i].is_ascii_digit()) {
+            let damaged = [&bytes[..place], digits.as_bytes(), &bytes[place + 1..]].concat();
+            let _ = read(&damaged, format, &ReadOptions::default());
+        }
+    }
+}

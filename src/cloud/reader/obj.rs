@@ -1,0 +1,229 @@
+//! Wavefront OBJ: `v` and `f` lines; everything else is passed over.
+//!
+//! Written here and not taken from a crate: the OBJ crates at hand renumber vertices (they merge, split per
+//! texture coordinate, or drop those without a face), and row i of the cloud must be vertex i of the file.
+
+use super::columns::{Column, Columns};
+use super::polygons::{Triangles, enough_corners};
+use super::text::{Line, Lines, number_at, shown};
+use super::{Format, ReadError, ReadOptions};
+use crate::cloud::{CloudError, PointCloud, ScalarField, ScalarType};
+
+const FORMAT: Format = Format::Obj;
+
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
+    let axes = ["x", "y", "z"].map(Column::text);
+    let mut mesh = Mesh {
+        columns: Columns::leading(&axes, 3, &options.limits)?,
+        colors: Vec::new(),
+        triangles: Triangles::new(&options.limits),
+        corners: Vec::new(),
+        faces: 0,
+        farthest: None,
+    };
+    let vertices = Lines::new(bytes).filter(|line| line.text.starts_with(b"v ")).count();
+    mesh.columns.reserve(vertices)?;
+    for line in Lines::new(bytes) {
+        let mut words = line.words();
+        match words.next() {
+            Some(b"v") => mesh.vertex(&line)?,
+            Some(b"f") => mesh.face(&line)?,
+            Some([first, ..]) if first.is_ascii_digit() || matches!(first, b'-' | b'+' | b'.') => {
+                let message = "the line begins with a number; OBJ lines begin with a keyword such as v or f";
+                return Err(ReadError::line(FORMAT, line.number, message));
+            }
+            _ => {}
+        }
+    }
+    mesh.into_cloud(options)
+}
+
+/// A face whose corner may lie beyond the last vertex: vertices may follow their faces.
+struct Farthest {
+    index: usize,
+    face: usize,
+    line: usize,
+}
+
+struct Mesh {
+    columns: Columns,
+    /// Red, green, blue of every vertex so far that has them.
+    colors: Vec<f64>,
+    triangles: Triangles,
+    corners: Vec<u32>,
+    faces: usize,
+    farthest: Option<Farthest>,
+}
+
+impl Mesh {
+    /// `v x y z`, `v x y z w` or `v x y z r g b`. The weight w of rational curves is passed over.
+    fn vertex(&mut self, line: &Line<'_>) -> Result<(), ReadError> {
+        let mut values = [0.0; 6];
+        let mut count = 0;
+        for word in line.words().skip(1) {
+            let value = number_at(word, FORMAT, line.number)?;
+            if let Some(slot) = values.get_mut(count) {
+                *slot = value;
+            }
+            count += 1;
+        }
+        match count {
+            3 | 4 => {}
+            6 => self.colors.extend_from_slice(&values[3..]),
+            _ => {
+                let message =
+                    format!("a vertex with {count} numbers; x y z, x y z w and x y z r g b are accepted");
+                return Err(ReadError::line(FORMAT, line.number, message));
+            }
+        }
+        self.columns.push(&values[..3])
+    }
+
+    /// `f a b c …`, each corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, indices from 1, or from -1 backwards.
+    fn face(&mut self, line: &Line<'_>) -> Result<(), ReadError> {
+        self.corners.clear();
+        for word in line.words().skip(1).take_while(|word| !word.starts_with(b"#")) {
+            let index = self.corner(word, line)?;
+            self.corners.push(index);
+        }
+        enough_corners(self.corners.len(), self.faces + 1)
+            .map_err(|message| ReadError::line(FORMAT, line.number, message))?;
+        self.triangles.push_fan(&self.corners)?;
+        self.faces += 1;
+        Ok(())
+    }
+
+    fn corner(&mut self, word: &[u8], line: &Line<'_>) -> Result<u32, ReadError> {
+        let face = self.faces + 1;
+        let refuse = |why: &str| {
+            let message = format!("{} in face {face} {why}", shown(word));
+            ReadError::line(FORMAT, line.number, message)
+        };
+        let vertex = word.split(|&b| b == b'/').next().unwrap_or_default();
+        let others_are_indices =
+            word[vertex.len()..].iter().all(|b| b.is_ascii_digit() || matches!(b, b'/' | b'-'));
+        let number: i64 = lexical_core::parse(vertex)
+            .ok()
+            .filter(|_| others_are_indices)
+            .ok_or_else(|| refuse("is no corner; v, v/vt, v//vn and v/vt/vn are accepted"))?;
+        let points = self.columns.len();
+        let index = match number {
+            0 => return Err(refuse("is index 0; OBJ counts from 1, or backwards from -1")),
+            1.. => usize::try_from(number - 1).ok(),
+            _ => usize::try_from(number.unsigned_abs()).ok().and_then(|back| points.checked_sub(back)),
+        };
+        let short = index.and_then(|index| u32::try_from(index).ok());
+        let Some(short) = short else {
+            return Err(refuse(&format!("names no vertex; {points} precede it")));
+        };
+        let index = short as usize;
+        if index >= points && self.farthest.as_ref().is_none_or(|farthest| index > farthest.index) {
+            self.farthest = Some(Farthest { index, face, line: line.number });
+        }
+        Ok(short)
+    }
+
+    fn into_cloud(self, options: &ReadOptions) -> Result<PointCloud, ReadError> {
+        let points = self.columns.len();
+        if points == 0 {
+            return Err(CloudError::Empty.into());
+        }
+        if let Some(Farthest { index, face, line }) = self.farthest
+            && index >= points
+        {
+            let message = format!("face {face} names vertex {}; the file has {points}", index + 1);
+            return Err(ReadError::line(FORMAT, line, message));
+        }
+        let mut columns = self.columns;
+        if self.colors.len() == 3 * points && options.limits.fields_max >= 3 {
+            columns.fields = ["red", "green", "blue"]
+                .iter()
+                .enumerate()
+                .map(|(channel, &name)| ScalarField {
+                    name: name.to_owned(),
+                    kind: ScalarType::Float64,
+                    values: self.colors.iter().skip(channel).step_by(3).copied().collect(),
+                })
+                .collect();
+        }
+        columns.into_cloud(self.triangles.into_vec(), options)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn obj(text: &str) -> Result<PointCloud, ReadError> {
+        read(text.as_bytes(), &ReadOptions::default())
+    }
+
+    #[test]
+    fn every_way_to_name_a_corner_is_read() {
+        let points = "v 0 0 0\nv 1 0 0\nvn 0 0 1\nv 1 1 0 1.0\nv 0 1 0\n";
+        for face in [
+            "f 1 2 3 4",
+            "f 1/1 2/2 3/3 4/4",
+            "f 1//1 2//1 3//1 4//1",
+            "f -4 -3 -2 -1",
+            "f 1/1/1 2/1/1 3/1/1 4/1/1 # q",
+        ] {
+            let cloud = obj(&format!("{points}{face}\r\n")).unwrap();
+            assert_eq!(cloud.len(), 4);
+            assert_eq!(cloud.faces(), [[0, 1, 2], [0, 2, 3]], "{face}");
+        }
+    }
+
+    #[test]
+    fn a_point_outside_every_face_keeps_its_row() {
+        let cloud = obj("v 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 2 3 4\n").unwrap();
+        assert_eq!(cloud.point(0), [9.0, 9.0, 9.0]);
+        assert_eq!(cloud.faces(), [[1, 2, 3]]);
+    }
+
+    #[test]
+    fn a_face_may_precede_its_vertices() {
+        assert_eq!(obj("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n").unwrap().faces(), [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn colours_are_kept_when_every_vertex_has_them() {
+        let cloud = obj("v 0 0 0 0.1 0.2 0.3\nv 1 0 0 0.4 0.5 0.6\n").unwrap();
+        let blue = &cloud.fields()[2];
+        assert_eq!((blue.name.as_str(), blue.values.as_slice()), ("blue", &[0.3, 0.6][..]));
+        assert!(obj("v 0 0 0 0.1 0.2 0.3\nv 1 0 0\n").unwrap().fields().is_empty());
+    }
+
+    #[test]
+    fn a_malformed_line_is_refused_with_its_number_and_the_face() {
+        let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+        let message = |line: &str| obj(&format!("{triangle}{line}\n")).unwrap_err().to_string();
+        assert_eq!(message("f 1 2 9"), "OBJ, line 4: face 1 names vertex 9; the file has 3");
+        assert_eq!(
+            message("f 1 2 0"),
+            "OBJ, line 4: `0` in face 1 is index 0; OBJ counts from 1, or backwards from -1"
+        );
+        assert_eq!(message("f 1 2 -4"), "OBJ, line 4: `-4` in face 1 names no vertex; 3 precede it");
+        assert_eq!(message("f 1 2"), "OBJ, line 4: face 1 has 2 corners; 3 or more are accepted");
+        assert!(message("f 1 2 x").contains("is no corner"));
+        assert!(message("f 1 2 3 \\").contains("is no corner"));
+        assert!(message("f 1 2 99999999999999999999").contains("is no corner"));
+        assert!(message("f 1 2 -9223372036854775808").contains("names no vertex"));
+        assert!(message("v 1 2").contains("a vertex with 2 numbers"));
+        assert!(message("v 1 2 3 4 5 6 7").contains("a vertex with 7 numbers"));
+        assert!(message("1 2 3").contains("begins with a number"));
+    }
+
+    #[test]
+    fn a_file_without_vertices_has_no_points() {
+        assert_eq!(obj("o empty\n").unwrap_err(), CloudError::Empty.into());
+    }
+
+    #[test]
+    fn more_triangles_than_the_limit_are_refused() {
+        let limits = super::super::Limits { faces_max: 1, ..super::super::Limits::default() };
+        let options = ReadOptions { limits, ..ReadOptions::default() };
+        let text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+        assert_eq!(read(text, &options).unwrap_err(), ReadError::TooManyFaces { faces_max: 1 });
+    }
+}

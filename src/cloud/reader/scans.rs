@@ -1,0 +1,67 @@
+//! Real scans are read whole, where they are at hand.
+
+use std::path::Path;
+
+use super::{Format, ReadOptions, read};
+use crate::cloud::PointCloud;
+
+fn scan(name: &str) -> Option<PointCloud> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
+    let Ok(bytes) = std::fs::read(&path) else {
+        println!("skipped: {} is not there", path.display());
+        return None;
+    };
+    let format = Format::sniff(&bytes);
+    assert_eq!(format, path.extension().and_then(|extension| Format::from_extension(extension.to_str()?)));
+    Some(read(&bytes, format.unwrap(), &ReadOptions::default()).unwrap())
+}
+
+/// V − E + F of a closed or open triangle mesh, counted over the vertices that faces use.
+fn euler_characteristic(cloud: &PointCloud) -> i64 {
+    let mut edges: Vec<[u32; 2]> = cloud
+        .faces()
+        .iter()
+        .flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+        .map(|[a, b]| [a.min(b), a.max(b)])
+        .collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let mut corners: Vec<u32> = cloud.faces().iter().flatten().copied().collect();
+    corners.sort_unstable();
+    corners.dedup();
+    let [v, e, f] = [corners.len(), edges.len(), cloud.faces().len()].map(|n| i64::try_from(n).unwrap());
+    v - e + f
+}
+
+#[test]
+fn the_strips_of_igea_close_to_a_sphere() {
+    // Igea is a closed head: 134,345 vertices, and by Euler's formula 2·134,345 − 4 triangles.
+    if let Some(cloud) = scan("igea.ply") {
+        assert_eq!((cloud.len(), cloud.faces().len()), (134_345, 268_686));
+        assert_eq!(euler_characteristic(&cloud), 2);
+    }
+}
+
+#[test]
+fn the_meshes_in_obj_have_their_counts_and_topology() {
+    // Vertices and faces as `grep -c '^v '` and `'^f '` count them. The bunny has five holes: χ = 2 − 5.
+    for (name, points, faces, characteristic) in
+        [("bunny.obj", 35_947, 69_451, -3), ("spot.obj", 2_930, 5_856, 2), ("fandisk.obj", 6_475, 12_946, 2)]
+    {
+        if let Some(cloud) = scan(name) {
+            assert_eq!((cloud.len(), cloud.faces().len()), (points, faces), "{name}");
+            assert_eq!(euler_characteristic(&cloud), characteristic, "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_csv_of_a_sphere_lies_on_the_sphere() {
+    if let Some(cloud) = scan("sphere48.csv") {
+        assert_eq!((cloud.len(), cloud.dimension()), (48, 3));
+        for point in cloud.coordinates().chunks_exact(3) {
+            let radius = point.iter().map(|x| x * x).sum::<f64>().sqrt();
+            assert!((radius - 1.0).abs() < 1e-9, "{radius}");
+        }
+    }
+}

@@ -1,1 +1,0 @@
-//! Sample shapes with known geometry.

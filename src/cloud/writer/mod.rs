@@ -1,0 +1,76 @@
+//! Writers, one per format. [`write()`] streams a whole cloud; PLY and NPY can also be had in pieces, a header
+//! and chunks of rows of fixed size, so that whoever sends them knows their length beforehand.
+
+mod npy;
+mod ply;
+mod rows;
+mod text;
+
+use std::io::{self, Write};
+
+pub use npy::{npy_header, npy_header_by_columns, npy_vector_header};
+pub use ply::{FACE_BYTES, PlyEncoding, PlyHeader, encode_faces, ply_columns, ply_header, ply_properties};
+pub use rows::{Column, encode_column, encode_rows};
+
+use super::reader::Format;
+use super::{PointCloud, ScalarType};
+
+/// Rows that are encoded together.
+const CHUNK_ROWS: usize = 4096;
+
+/// Writes a cloud with its fields and, where the format has them, its faces. PLY is written in binary.
+///
+/// OBJ and OFF hold points of three coordinates: others are padded with 0 or cut, and fields are left out.
+/// NPY holds the coordinates only, as `n × d` doubles.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write(cloud: &PointCloud, format: Format, out: &mut impl Write) -> io::Result<()> {
+    match format {
+        Format::Ply => write_ply(cloud, PlyEncoding::BinaryLittleEndian, out),
+        Format::Obj => text::write_obj(cloud, out),
+        Format::Off => text::write_off(cloud, out),
+        Format::Xyz => text::write_table(cloud, text::Table::Xyz, out),
+        Format::Csv => text::write_table(cloud, text::Table::Csv, out),
+        Format::Npy => {
+            out.write_all(&npy_header(cloud.len(), cloud.dimension(), ScalarType::Float64))?;
+            cloud.coordinates().chunks(CHUNK_ROWS).try_for_each(|values| {
+                let column = Column { values, stride: 1, kind: ScalarType::Float64 };
+                out.write_all(&encode_rows(&[column], values.len()))
+            })
+        }
+    }
+}
+
+/// Writes a cloud as PLY in the given encoding.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_ply(cloud: &PointCloud, encoding: PlyEncoding, out: &mut impl Write) -> io::Result<()> {
+    let header = PlyHeader::of(cloud, encoding);
+    out.write_all(&header.to_bytes())?;
+    for rows in header.chunks() {
+        out.write_all(&header.encode_rows(&ply_columns(cloud, rows.start), rows.len()))?;
+    }
+    cloud.faces().chunks(CHUNK_ROWS).try_for_each(|faces| out.write_all(&encode_faces(faces, encoding)))
+}
+
+/// Appends the shortest decimal number that reads back as the same double.
+fn push_number(value: f64, out: &mut Vec<u8>) {
+    if value.is_nan() {
+        out.extend_from_slice(b"nan");
+        return;
+    }
+    let mut buffer = [0; <f64 as lexical_core::FormattedSize>::FORMATTED_SIZE_DECIMAL];
+    let text = lexical_core::write(value, &mut buffer);
+    out.extend_from_slice(text.strip_suffix(b".0").unwrap_or(text));
+}
+
+/// Name of a coordinate: `x`, `y`, `z`, then `coordinate_3`, `coordinate_4`…
+#[must_use]
+pub fn axis_name(axis: usize) -> String {
+    ["x", "y", "z"].get(axis).map_or_else(|| format!("coordinate_{axis}"), |&name| name.to_owned())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,88 @@
+//! XYZ, CSV, OBJ and OFF.
+
+use std::io::{self, Write};
+
+use super::{CHUNK_ROWS, axis_name, push_number};
+use crate::cloud::PointCloud;
+
+/// How the columns of a table are separated and named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Table {
+    /// Blanks, names in a comment.
+    Xyz,
+    /// Commas, names in the first line.
+    Csv,
+}
+
+/// Coordinates, then fields.
+pub(super) fn write_table(cloud: &PointCloud, table: Table, out: &mut impl Write) -> io::Result<()> {
+    let axes = (0..cloud.dimension()).map(axis_name);
+    let names: Vec<String> = axes.chain(cloud.fields().iter().map(|field| table.name(&field.name))).collect();
+    let separator = match table {
+        Table::Xyz => {
+            writeln!(out, "# {}", names.join(" "))?;
+            b' '
+        }
+        Table::Csv => {
+            writeln!(out, "{}", names.join(","))?;
+            b','
+        }
+    };
+    rows(cloud, out, |row, text| {
+        let values = cloud.point(row).iter().copied();
+        for value in values.chain(cloud.fields().iter().map(|field| field.values[row])) {
+            push_number(value, text);
+            text.push(separator);
+        }
+        text.pop();
+    })
+}
+
+impl Table {
+    /// A field's name without anything that separates or quotes.
+    fn name(self, name: &str) -> String {
+        let separates = |c: char| match self {
+            Self::Xyz => c.is_whitespace() || c == '#',
+            Self::Csv => c.is_control() || matches!(c, ',' | ';' | '"'),
+        };
+        name.replace(separates, "_")
+    }
+}
+
+pub(super) fn write_obj(cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
+    rows(cloud, out, |row, text| {
+        text.extend_from_slice(b"v ");
+        push_point(cloud.point(row), text);
+    })?;
+    cloud.faces().iter().try_for_each(|[a, b, c]| writeln!(out, "f {} {} {}", a + 1, b + 1, c + 1))
+}
+
+pub(super) fn write_off(cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "OFF\n{} {} 0", cloud.len(), cloud.faces().len())?;
+    rows(cloud, out, |row, text| push_point(cloud.point(row), text))?;
+    cloud.faces().iter().try_for_each(|[a, b, c]| writeln!(out, "3 {a} {b} {c}"))
+}
+
+/// Three coordinates.
+fn push_point(point: &[f64], text: &mut Vec<u8>) {
+    for axis in 0..3 {
+        if axis > 0 {
+            text.push(b' ');
+        }
+        push_number(point.get(axis).copied().unwrap_or(0.0), text);
+    }
+}
+
+/// Writes a line per row, in chunks.
+fn rows(cloud: &PointCloud, out: &mut impl Write, push: impl Fn(usize, &mut Vec<u8>)) -> io::Result<()> {
+    let mut text = Vec::new();
+    for row in 0..cloud.len() {
+        push(row, &mut text);
+        text.push(b'\n');
+        if (row + 1) % CHUNK_ROWS == 0 {
+            out.write_all(&text)?;
+            text.clear();
+        }
+    }
+    out.write_all(&text)
+}

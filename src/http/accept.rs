@@ -1,0 +1,135 @@
+//! Content negotiation: `?format=` first, then `Accept` with its q-values.
+
+use axum::http::{HeaderMap, header};
+
+use super::problem::{Kind, Problem};
+
+/// A representation on offer: its name in `?format=`, and its media types, the first of which is answered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Offer {
+    /// As in `?format=` and in file names.
+    pub name: &'static str,
+    /// Media types that ask for it.
+    pub media_types: &'static [&'static str],
+}
+
+/// JSON.
+pub(crate) const JSON: Offer = Offer { name: "json", media_types: &["application/json"] };
+/// NumPy array file.
+pub(crate) const NPY: Offer =
+    Offer { name: "npy", media_types: &["application/x-npy", "application/npy", "application/octet-stream"] };
+/// Binary PLY.
+pub(crate) const PLY: Offer =
+    Offer { name: "ply", media_types: &["application/ply", "model/ply", "application/x-ply"] };
+/// Comma-separated values.
+pub(crate) const CSV: Offer = Offer { name: "csv", media_types: &["text/csv"] };
+/// Matrix Market.
+pub(crate) const MTX: Offer =
+    Offer { name: "mtx", media_types: &["text/x-matrix-market", "application/x-matrix-market"] };
+/// SciPy's sparse archive.
+pub(crate) const NPZ: Offer = Offer { name: "npz", media_types: &["application/x-npz", "application/zip"] };
+
+impl Offer {
+    /// The media type of the answer.
+    #[must_use]
+    pub(crate) fn media_type(&self) -> &'static str {
+        self.media_types[0]
+    }
+}
+
+/// The offer to answer with: the one named, or the one that `Accept` weighs highest; the first on a tie.
+///
+/// # Errors
+/// A problem that lists the offers.
+pub(crate) fn choose(named: Option<&str>, headers: &HeaderMap, offers: &[Offer]) -> Result<Offer, Problem> {
+    if let Some(name) = named {
+        return offers.iter().find(|offer| offer.name == name).copied().ok_or_else(|| refuse(name, offers));
+    }
+    let accept: Vec<_> =
+        headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok()).collect();
+    if accept.iter().all(|value| value.trim().is_empty()) {
+        return Ok(offers[0]);
+    }
+    let accept = accept.join(",");
+    let mut best: Option<(f32, Offer)> = None;
+    for offer in offers {
+        let weight = offer.media_types.iter().map(|media| weight(&accept, media)).fold(0.0, f32::max);
+        if weight > best.map_or(0.0, |(weight, _)| weight) {
+            best = Some((weight, *offer));
+        }
+    }
+    best.map(|(_, offer)| offer).ok_or_else(|| refuse(&accept, offers))
+}
+
+fn refuse(wish: &str, offers: &[Offer]) -> Problem {
+    let shown: String = wish.chars().take(120).collect();
+    let names: Vec<_> =
+        offers.iter().map(|offer| format!("{} ({})", offer.name, offer.media_type())).collect();
+    Problem::new(
+        Kind::NotAcceptable,
+        format!("`{shown}` is not offered here; offered are {}", names.join(", ")),
+    )
+    .with("accepted", offers.iter().map(|offer| offer.name).collect::<Vec<_>>())
+}
+
+/// The q-value of `media` in an `Accept` header, by the most specific range that matches it (RFC 9110 §12.5.1).
+fn weight(accept: &str, media: &str) -> f32 {
+    let kind = media.split('/').next().unwrap_or_default();
+    let mut found = (0_u8, 0.0);
+    for range in accept.split(',') {
+        let mut parts = range.split(';').map(str::trim);
+        let name = parts.next().unwrap_or_default().to_ascii_lowercase();
+        let specificity = match name.as_str() {
+            "*/*" => 1,
+            name if name.strip_suffix("/*") == Some(kind) => 2,
+            name if name == media => 3,
+            _ => continue,
+        };
+        let q = parts.find_map(|part| part.strip_prefix("q=")).map_or(1.0, |q| q.parse().unwrap_or(0.0));
+        if specificity > found.0 {
+            found = (specificity, q);
+        }
+    }
+    found.1
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::HeaderValue;
+
+    use super::*;
+
+    const OFFERS: [Offer; 3] = [JSON, NPY, PLY];
+
+    fn chosen(accept: &'static str) -> Option<&'static str> {
+        let headers = HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static(accept))]);
+        choose(None, &headers, &OFFERS).ok().map(|offer| offer.name)
+    }
+
+    #[test]
+    fn the_first_offer_answers_who_takes_anything() {
+        assert_eq!(choose(None, &HeaderMap::new(), &OFFERS).unwrap(), JSON);
+        assert_eq!(chosen("*/*"), Some("json"));
+    }
+
+    #[test]
+    fn the_highest_weight_wins_and_zero_excludes() {
+        assert_eq!(chosen("application/json;q=0.5, application/x-npy"), Some("npy"));
+        assert_eq!(chosen("model/ply, application/json;q=0.9"), Some("ply"));
+        assert_eq!(chosen("*/*, application/json;q=0"), Some("npy"));
+        assert_eq!(chosen("model/*"), Some("ply"));
+    }
+
+    #[test]
+    fn nothing_acceptable_is_refused() {
+        assert_eq!(chosen("image/png"), None);
+        assert_eq!(chosen("application/json;q=0"), None);
+        assert!(choose(Some("xml"), &HeaderMap::new(), &OFFERS).is_err());
+    }
+
+    #[test]
+    fn a_name_goes_before_the_header() {
+        let headers = HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static("application/json"))]);
+        assert_eq!(choose(Some("npy"), &headers, &OFFERS).unwrap(), NPY);
+    }
+}

@@ -1,0 +1,160 @@
+//! `GET /capabilities`: formats, parameters, limits.
+
+use axum::Json;
+use axum::extract::State;
+use serde::Serialize;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::parameters::{KIND, PARAMETERS};
+use super::query::{Accepts, Argument};
+use super::submission::UPLOAD;
+use super::{Shared, bases, jobs, points};
+use crate::cloud::reader::Format;
+
+/// What the service can do, and how much of it.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct Capabilities {
+    /// Formats of clouds.
+    formats: Formats,
+    /// Operators by name.
+    operators: Vec<&'static str>,
+    /// Parameters of a job.
+    parameters: Vec<ParameterView>,
+    /// Parameters of an upload.
+    upload_parameters: Vec<ParameterView>,
+    /// Limits.
+    limits: LimitsView,
+}
+
+/// Formats of clouds and results.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct Formats {
+    /// Formats of uploads.
+    upload: Vec<FormatView>,
+    /// Formats of `/clouds/{id}/points`.
+    points: Vec<FormatView>,
+    /// Formats of `/jobs/{id}/bases`.
+    bases: Vec<FormatView>,
+}
+
+/// A file format.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct FormatView {
+    /// As in `?format=`.
+    name: &'static str,
+    /// Its media type.
+    media_type: &'static str,
+}
+
+/// A parameter.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct ParameterView {
+    /// Its name.
+    name: &'static str,
+    /// Another name for it.
+    alias: Option<&'static str>,
+    /// `integer`, `number`, `boolean` or `string`.
+    #[serde(rename = "type")]
+    kind: &'static str,
+    /// Its values, in words.
+    accepted: String,
+    /// Its values, as a JSON schema.
+    #[schema(value_type = Object)]
+    schema: Value,
+    /// Its value when absent, in words if it depends on other things.
+    default: &'static str,
+    /// What it does, with units.
+    meaning: &'static str,
+}
+
+/// Limits of this service.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct LimitsView {
+    /// Bytes of an upload.
+    body_bytes: u64,
+    /// Points of a cloud.
+    points_max: usize,
+    /// Coordinates per point.
+    dimension_max: usize,
+    /// Per-point scalars of a cloud.
+    fields_max: usize,
+    /// Triangles of a cloud.
+    faces_max: usize,
+    /// Bases of a job.
+    bases_max: usize,
+    /// Jobs that wait.
+    queue_max: u64,
+    /// Bytes of bases as JSON; more is to be had as npy.
+    json_bytes: u64,
+    /// Seconds of `?wait=`.
+    wait_seconds_max: u64,
+    /// Entries of a page of a listing.
+    page_max: u64,
+}
+
+impl From<&Argument> for ParameterView {
+    fn from(argument: &Argument) -> Self {
+        let kind = match argument.accepts {
+            Accepts::Integer(..) => "integer",
+            Accepts::Positive | Accepts::Between(..) => "number",
+            Accepts::Switch => "boolean",
+            Accepts::Word(_) | Accepts::Id => "string",
+        };
+        Self {
+            name: argument.name,
+            alias: argument.alias,
+            kind,
+            accepted: argument.accepts.in_words(),
+            schema: serde_json::to_value(argument.accepts.schema()).unwrap_or_default(),
+            default: argument.default,
+            meaning: argument.meaning,
+        }
+    }
+}
+
+/// Formats, operators, parameters with type, range, default and meaning, and limits.
+#[utoipa::path(get, path = "/capabilities", tag = "service", responses((status = 200, description = "What the service can do.", body = Capabilities)))]
+pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabilities> {
+    let limits = &service.limits;
+    let offered = |offers: &[super::accept::Offer]| {
+        offers.iter().map(|offer| FormatView { name: offer.name, media_type: offer.media_type() }).collect()
+    };
+    let operators = match PARAMETERS[0].accepts {
+        Accepts::Word(words) => words.to_vec(),
+        _ => Vec::new(),
+    };
+    Json(Capabilities {
+        formats: Formats {
+            upload: Format::ALL
+                .iter()
+                .map(|format| FormatView { name: format.name(), media_type: format.media_type() })
+                .collect(),
+            points: offered(&points::OFFERS),
+            bases: offered(&bases::OFFERS),
+        },
+        operators,
+        parameters: KIND
+            .iter()
+            .chain(PARAMETERS)
+            .map(|argument| match argument.name {
+                "bases" => Argument { accepts: Accepts::Integer(1, limits.bases_max as u64), ..*argument },
+                _ => *argument,
+            })
+            .map(|argument| ParameterView::from(&argument))
+            .collect(),
+        upload_parameters: UPLOAD.iter().map(ParameterView::from).collect(),
+        limits: LimitsView {
+            body_bytes: limits.body_bytes,
+            points_max: limits.reader.points_max,
+            dimension_max: limits.reader.dimension_max,
+            fields_max: limits.reader.fields_max,
+            faces_max: limits.reader.faces_max,
+            bases_max: limits.bases_max,
+            queue_max: limits.queue_max,
+            json_bytes: bases::JSON_BYTES_MAX,
+            wait_seconds_max: jobs::WAIT_SECONDS_MAX,
+            page_max: jobs::PAGE_MAX,
+        },
+    })
+}

@@ -1,0 +1,92 @@
+//! Symmetric sparse matrices as files: Matrix Market, and the archive that SciPy loads.
+
+use std::io::{Cursor, Write};
+use std::ops::Range;
+
+use axum::body::{Body, Bytes};
+use npyz::npz::NpzWriter;
+use npyz::sparse::CsrBase;
+
+use super::problem::Problem;
+use crate::analysis::SparseMatrix;
+
+/// Matrix Market, `coordinate real symmetric`: the lower triangle, indices from 1.
+///
+/// # Errors
+/// None; the signature is that of [`scipy_archive`].
+pub(crate) fn matrix_market(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
+    let n = matrix.offsets.len() - 1;
+    let lower = (0..n)
+        .map(|row| row_entries(matrix, row).filter(|(column, _)| *column <= row).count())
+        .sum::<usize>();
+    let mut text = format!("%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {lower}\n").into_bytes();
+    for row in 0..n {
+        for (column, value) in row_entries(matrix, row).filter(|(column, _)| *column <= row) {
+            writeln!(text, "{} {} {value:e}", row + 1, column + 1)
+                .map_err(|error| Problem::internal(&error))?;
+        }
+    }
+    Ok(text)
+}
+
+fn row_entries(matrix: &SparseMatrix, row: usize) -> impl Iterator<Item = (usize, f64)> {
+    let entries = matrix.offsets[row] as usize..matrix.offsets[row + 1] as usize;
+    entries.map(|entry| (matrix.columns[entry] as usize, matrix.values[entry]))
+}
+
+/// What `scipy.sparse.load_npz` reads: `format`, `shape`, `data`, `indices`, `indptr` of a CSR matrix.
+///
+/// # Errors
+/// A problem of ours when the archive cannot be written.
+pub(crate) fn scipy_archive(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
+    let n = matrix.offsets.len() as u64 - 1;
+    let csr = CsrBase {
+        shape: [n, n],
+        data: matrix.values.as_slice(),
+        indices: matrix.columns.iter().map(|&column| u64::from(column)).collect::<Vec<_>>(),
+        indptr: matrix.offsets.iter().map(|&offset| offset as usize).collect::<Vec<_>>(),
+    };
+    let mut file = Cursor::new(Vec::new());
+    csr.write_npz(&mut NpzWriter::new(&mut file)).map_err(|error| Problem::internal(&error))?;
+    Ok(file.into_inner())
+}
+
+/// The bytes `span` of a file in memory.
+pub(crate) fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
+    let end = bytes.len() as u64;
+    Body::from(Bytes::from(bytes).slice(span.start.min(end) as usize..span.end.min(end) as usize))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A path graph of two edges, weights 2 and 3, and an isolated row.
+    fn path() -> SparseMatrix {
+        SparseMatrix {
+            offsets: vec![0, 2, 5, 7, 7],
+            columns: vec![0, 1, 0, 1, 2, 1, 2],
+            values: vec![-2.0, 2.0, 2.0, -5.0, 3.0, 3.0, -3.0],
+        }
+    }
+
+    #[test]
+    fn matrix_market_holds_the_lower_triangle_counting_from_one() {
+        let text = String::from_utf8(matrix_market(&path()).unwrap()).unwrap();
+        assert_eq!(
+            text,
+            "%%MatrixMarket matrix coordinate real symmetric\n4 4 5\n1 1 -2e0\n2 1 2e0\n2 2 -5e0\n3 2 3e0\n3 3 -3e0\n"
+        );
+    }
+
+    #[test]
+    fn the_archive_reads_back_as_the_matrix() {
+        let bytes = scipy_archive(&path()).unwrap();
+        let mut archive = npyz::npz::NpzArchive::new(Cursor::new(bytes)).unwrap();
+        let csr = npyz::sparse::Csr::<f64>::from_npz(&mut archive).unwrap();
+        assert_eq!(csr.shape, [4, 4]);
+        assert_eq!(csr.data, path().values);
+        assert_eq!(csr.indices, [0, 1, 0, 1, 2, 1, 2]);
+        assert_eq!(csr.indptr, [0, 2, 5, 7, 7]);
+    }
+}

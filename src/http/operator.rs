@@ -1,0 +1,151 @@
+//! The operator of a job: its description, and the matrices Q and B of `L = B⁻¹Q`.
+
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, Method, Uri};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde_json::{Map, Value};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use super::accept::{self, JSON, MTX, NPZ, Offer};
+use super::download::Download;
+use super::matrix;
+use super::problem::{self, Kind, Problem, ProblemDocument};
+use super::query::{Accepts, Argument, Arguments, arguments};
+use super::{Service, Shared, parse_id};
+use crate::analysis::{JobKind, Report, SparseMatrix};
+use crate::store::JobRecord;
+
+/// What it can be had as.
+pub(crate) const OFFERS: [Offer; 3] = [JSON, MTX, NPZ];
+
+const ARGUMENTS: &[Argument] = &[
+    Argument {
+        name: "format",
+        alias: None,
+        accepts: Accepts::Word(&["json", "mtx", "npz"]),
+        default: "by Accept, else json",
+        meaning: "Format of the answer: `json` describes the operator, `mtx` (Matrix Market) and `npz` (scipy.sparse.load_npz) are a matrix.",
+    },
+    Argument {
+        name: "matrix",
+        alias: None,
+        accepts: Accepts::Word(&["q", "b"]),
+        default: "q",
+        meaning: "Which matrix: `Q` (symmetric, zero row sums, negative semi-definite; the stiffness is −Q) or `B` (the diagonal mass).",
+    },
+];
+
+arguments!(
+    /// Query of `GET /jobs/{id}/operator`.
+    ReadOperator = ARGUMENTS
+);
+
+/// The operator's description, and whose it is.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct OperatorView {
+    /// The job.
+    job_id: Uuid,
+    /// The cloud it analysed.
+    cloud_id: Uuid,
+    /// What the job computed.
+    kind: JobKind,
+    /// What the analysis found out, the spectrum left out.
+    #[serde(flatten)]
+    #[schema(value_type = Report)]
+    report: Map<String, Value>,
+}
+
+/// The operator: its description as JSON, or a matrix of it.
+///
+/// Rows and columns are the rows of the upload. Every job keeps B; Q is kept by jobs of `kind=operator`.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/operator",
+    tag = "results",
+    params(("id" = Uuid, Path, description = "The job."), ReadOperator),
+    responses(
+        (status = 200, description = "The description or the matrix.", content((OperatorView = "application/json"), (String = "text/x-matrix-market"), (Vec<u8> = "application/x-npz"))),
+        (status = 304, description = "The client's copy is current."),
+        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 409, description = "The job has no operator yet, or does not keep Q.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn operator(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let arguments = ReadOperator::read(&uri)?;
+    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
+    respond(&service, &id, offer, &arguments, &method, &headers).await
+}
+
+pub(super) async fn respond(
+    service: &Service,
+    id: &str,
+    offer: Offer,
+    arguments: &Arguments,
+    method: &Method,
+    headers: &HeaderMap,
+) -> Result<Response, Problem> {
+    let job = service.store.job(parse_id(id)?).await?;
+    if let Some(problem) = problem::without_result(&job) {
+        return Err(problem);
+    }
+    if offer == JSON {
+        return Ok(Json(describe(&job)?).into_response());
+    }
+    let name = if arguments.word("matrix") == Some("b") { 'B' } else { 'Q' };
+    if name == 'Q' && job.kind != JobKind::Operator {
+        return Err(Problem::new(
+            Kind::NoSuchResult,
+            format!(
+                "job {} keeps its bases and B, not Q; submit {{\"kind\": \"operator\"}} with the same parameters to /clouds/{}/jobs",
+                job.id, job.cloud_id
+            ),
+        )
+        .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) })));
+    }
+    let matrix = match name {
+        'B' => diagonal(&service.store.mass(job.id).await?),
+        _ => service.store.operator_matrix(job.id).await?,
+    };
+    let encode = if offer == MTX { matrix::matrix_market } else { matrix::scipy_archive };
+    let bytes = service.compute.run(move || encode(&matrix)).await??;
+    let download = Download {
+        offer,
+        tag: format!("{}-{name}", job.id.simple()),
+        stem: format!("{name}-{}", job.id),
+        length: Some(bytes.len() as u64),
+    };
+    download.answer(method, headers, |span| matrix::part(bytes, span))
+}
+
+fn describe(job: &JobRecord) -> Result<OperatorView, Problem> {
+    let report = serde_json::to_value(&job.report).map_err(|error| Problem::internal(&error))?;
+    let Value::Object(mut report) = report else {
+        return Err(Problem::internal(&format!("job {} succeeded without a report", job.id)));
+    };
+    report.remove("spectrum");
+    Ok(OperatorView { job_id: job.id, cloud_id: job.cloud_id, kind: job.kind, report })
+}
+
+/// The diagonal matrix of the masses; rows without one (duplicates, rows without a result) are empty.
+fn diagonal(mass: &[f64]) -> SparseMatrix {
+    let mut matrix = SparseMatrix { offsets: vec![0], columns: Vec::new(), values: Vec::new() };
+    for (row, &value) in mass.iter().enumerate() {
+        if value.is_finite() && value != 0.0 {
+            matrix.columns.push(row as u32);
+            matrix.values.push(value);
+        }
+        matrix.offsets.push(matrix.values.len() as u64);
+    }
+    matrix
+}

@@ -1,0 +1,159 @@
+//! The parameters of a job, as the interface names, bounds and explains them.
+
+use serde_json::Value;
+
+use super::problem::Problem;
+use super::query::{Accepts, Argument, Arguments};
+use crate::analysis::{JobKind, Parameters};
+
+/// Most bases that any configuration may allow.
+const BASES_CEILING: u64 = 10_000;
+
+const fn argument(
+    name: &'static str,
+    accepts: Accepts,
+    default: &'static str,
+    meaning: &'static str,
+) -> Argument {
+    Argument { name, alias: None, accepts, default, meaning }
+}
+
+/// What the job computes.
+pub(crate) const KIND: &[Argument] = &[argument(
+    "kind",
+    Accepts::Word(&["eigen", "operator"]),
+    "eigen",
+    "What the job computes: `eigen` builds the operator, then bases and spectrum; `operator` builds and describes the operator, whose matrices can then be fetched.",
+)];
+
+/// The fields of [`Parameters`].
+pub(crate) const PARAMETERS: &[Argument] = &[
+    argument(
+        "operator",
+        Accepts::Word(&["pb-mhb", "voronoi"]),
+        "pb-mhb",
+        "The discrete Laplace–Beltrami operator.",
+    ),
+    argument(
+        "bases",
+        Accepts::Integer(1, BASES_CEILING),
+        "100",
+        "Number of eigenpairs, the zero modes included. At most the number of points, and the service's own limit.",
+    ),
+    Argument {
+        name: "tolerance",
+        alias: Some("tol"),
+        accepts: Accepts::Between(0.0, 1.0),
+        default: "1e-4",
+        meaning: "Largest relative residual of an eigenpair.",
+    },
+    argument(
+        "t",
+        Accepts::Positive,
+        "from t_factor",
+        "Time of the heat kernel, in squared units of the cloud.",
+    ),
+    argument("t_factor", Accepts::Positive, "by operator", "The same as a multiple of ε²."),
+    argument(
+        "delta",
+        Accepts::Positive,
+        "from delta_factor",
+        "Cut-off radius of the heat kernel, in units of the cloud.",
+    ),
+    argument("delta_factor", Accepts::Positive, "by operator", "The same as a multiple of √(2t)."),
+    argument(
+        "epsilon",
+        Accepts::Positive,
+        "estimated",
+        "Covering radius ε of the sampling, in units of the cloud, instead of the estimate.",
+    ),
+    argument(
+        "paper",
+        Accepts::Switch,
+        "false",
+        "Exactly the operator of the PB-MHB paper: switches all additions off that are not set themselves.",
+    ),
+    argument(
+        "isometric_cells",
+        Accepts::Switch,
+        "not paper",
+        "Scale projected neighbours back to their true distance before cells are clipped.",
+    ),
+    argument(
+        "truncation_compensation",
+        Accepts::Switch,
+        "not paper",
+        "Make up for the Gaussian's share beyond the cut-off.",
+    ),
+    argument(
+        "sheet_aware",
+        Accepts::Switch,
+        "not paper",
+        "Couple only neighbours on the same sheet of the surface.",
+    ),
+    argument(
+        "heat_correction",
+        Accepts::Switch,
+        "not paper",
+        "Report λ = −ln(1−tμ)/t as eigenvalues, beside the raw μ of the matrices.",
+    ),
+];
+
+/// The kind and parameters among `arguments`, checked as far as that goes without a cloud.
+///
+/// # Errors
+/// A problem that names the parameter and what would be accepted.
+pub(crate) fn read(arguments: &Arguments, bases_max: usize) -> Result<(JobKind, Parameters), Problem> {
+    let kind = match arguments.word("kind") {
+        Some("operator") => JobKind::Operator,
+        _ => JobKind::Eigen,
+    };
+    let parameters: Parameters = serde_json::from_value(Value::Object(arguments.of(PARAMETERS)))
+        .map_err(|error| Problem::internal(&error))?;
+    if parameters.bases > bases_max {
+        let bases = Argument { accepts: Accepts::Integer(1, bases_max as u64), ..PARAMETERS[1] };
+        return Err(bases.refuse(&parameters.bases.to_string()));
+    }
+    parameters.check()?;
+    Ok((kind, parameters))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use utoipa::PartialSchema;
+
+    use super::*;
+    use crate::operator::OperatorKind;
+
+    #[test]
+    fn the_table_names_exactly_the_fields_of_the_parameters() {
+        let fields = serde_json::to_value(Parameters::default()).unwrap();
+        let fields: BTreeSet<_> = fields.as_object().unwrap().keys().cloned().collect();
+        let table: BTreeSet<_> = PARAMETERS.iter().map(|argument| argument.name.to_owned()).collect();
+        assert_eq!(table, fields);
+    }
+
+    #[test]
+    fn the_table_offers_exactly_the_operators_that_exist() {
+        let schema = serde_json::to_value(OperatorKind::schema()).unwrap();
+        let Accepts::Word(words) = PARAMETERS[0].accepts else { panic!("operator is a word") };
+        for word in words {
+            assert!(serde_json::from_value::<OperatorKind>((*word).into()).is_ok(), "{word}");
+        }
+        let known =
+            schema["enum"].as_array().map_or_else(|| schema["oneOf"].as_array().unwrap().len(), Vec::len);
+        assert_eq!(known, words.len(), "{schema}");
+    }
+
+    #[test]
+    fn stated_defaults_are_the_defaults() {
+        let default = Parameters::default();
+        let stated = |name| PARAMETERS.iter().find(|argument| argument.name == name).unwrap().default;
+        assert_eq!(stated("bases"), default.bases.to_string());
+        assert!((stated("tolerance").parse::<f64>().unwrap() - default.tolerance).abs() < f64::EPSILON);
+        assert_eq!(stated("paper"), default.paper.to_string());
+        assert_eq!(serde_json::to_value(default.operator).unwrap(), stated("operator"));
+    }
+}

@@ -1,0 +1,145 @@
+//! A cloud's points, given back as PLY, NPY or JSON.
+
+use std::sync::Arc;
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, Method, Uri};
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::accept::{self, JSON, NPY, Offer, PLY};
+use super::download::Download;
+use super::problem::{Problem, ProblemDocument};
+use super::query::{Accepts, Argument, arguments};
+use super::rows::RowLayout;
+use super::{Shared, matrix, parse_id};
+use crate::cloud::writer::{
+    PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header, ply_columns, ply_properties,
+};
+use crate::cloud::{PointCloud, ScalarType};
+use crate::store::CHUNK_POINTS;
+
+/// What they can be had as.
+pub(crate) const OFFERS: [Offer; 3] = [PLY, NPY, JSON];
+
+const ARGUMENTS: &[Argument] = &[Argument {
+    name: "format",
+    alias: None,
+    accepts: Accepts::Word(&["ply", "npy", "json"]),
+    default: "by Accept, else ply",
+    meaning: "Format of the answer: `ply` has the coordinates and all fields of the upload, `npy` and `json` the coordinates.",
+}];
+
+arguments!(
+    /// Query of `GET /clouds/{id}/points`.
+    ReadPoints = ARGUMENTS
+);
+
+/// Points as JSON.
+#[derive(Debug, Serialize, ToSchema)]
+#[allow(clippy::struct_field_names)] // the field is the number of points
+pub(crate) struct Points {
+    /// Rows of the upload.
+    points: usize,
+    /// Coordinates per point.
+    dimension: usize,
+    /// The coordinates of every point; null where they are not finite.
+    #[schema(value_type = Vec<Vec<Option<f64>>>)]
+    coordinates: Vec<Vec<f64>>,
+}
+
+/// The cloud's points, row for row as uploaded.
+#[utoipa::path(
+    get,
+    path = "/clouds/{id}/points",
+    tag = "clouds",
+    params(("id" = Uuid, Path, description = "The cloud."), ReadPoints),
+    responses(
+        (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"))),
+        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
+        (status = 304, description = "The client's copy is current."),
+        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn points(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let arguments = ReadPoints::read(&uri)?;
+    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
+    let id = parse_id(&id)?;
+    let cloud = Arc::new(service.store.load_cloud(id).await?);
+    let mut download =
+        Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
+    if offer == JSON {
+        let text = service.compute.run(move || json(&cloud)).await??;
+        download.length = Some(text.len() as u64);
+        return download.answer(&method, &headers, |span| matrix::part(text, span));
+    }
+    let layout = if offer == NPY {
+        npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)
+    } else {
+        let shown = Arc::clone(&cloud);
+        service.compute.run(move || ply_layout(&shown, ply_properties(&shown))).await?
+    };
+    download.length = Some(layout.length());
+    let compute = service.compute.clone();
+    download.answer(&method, &headers, move |span| {
+        layout.stream(span, move |chunk| {
+            let (compute, cloud) = (compute.clone(), Arc::clone(&cloud));
+            async move { Ok(compute.run(move || encode(&cloud, offer, chunk)).await?) }
+        })
+    })
+}
+
+fn json(cloud: &PointCloud) -> Result<Vec<u8>, Problem> {
+    let coordinates = cloud.coordinates().chunks(cloud.dimension()).map(<[f64]>::to_vec).collect();
+    let points = Points { points: cloud.len(), dimension: cloud.dimension(), coordinates };
+    serde_json::to_vec(&points).map_err(|error| Problem::internal(&error))
+}
+
+/// The bytes of a chunk of rows, with all fields in PLY.
+fn encode(cloud: &PointCloud, offer: Offer, chunk: usize) -> Vec<u8> {
+    let first = chunk * CHUNK_POINTS;
+    let rows = CHUNK_POINTS.min(cloud.len() - first);
+    if offer == PLY {
+        return encode_rows(&ply_columns(cloud, first), rows);
+    }
+    let mut columns = ply_columns(cloud, first);
+    columns.truncate(cloud.dimension());
+    for column in &mut columns {
+        column.kind = ScalarType::Float64;
+    }
+    encode_rows(&columns, rows)
+}
+
+/// A NumPy array of `rows` × `columns` numbers, in C order.
+#[must_use]
+pub(crate) fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLayout {
+    RowLayout {
+        header: npy_header(rows, columns, kind),
+        stride: columns * kind.size(),
+        rows,
+        tail: Vec::new(),
+    }
+}
+
+/// A binary PLY with these properties of every point, and the cloud's faces.
+#[must_use]
+pub(crate) fn ply_layout(cloud: &PointCloud, properties: Vec<(String, ScalarType)>) -> RowLayout {
+    let encoding = PlyEncoding::BinaryLittleEndian;
+    let header = PlyHeader { encoding, points: cloud.len(), properties, faces: cloud.faces().len() };
+    RowLayout {
+        header: header.to_bytes(),
+        stride: header.stride(),
+        rows: cloud.len(),
+        tail: encode_faces(cloud.faces(), encoding),
+    }
+}

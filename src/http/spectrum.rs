@@ -1,0 +1,115 @@
+//! The spectrum of a job: eigenvalues and what tells how far to trust them.
+
+use std::fmt::Write as _;
+
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use super::accept::{self, CSV, JSON, Offer};
+use super::problem::{self, Kind, Problem, ProblemDocument};
+use super::query::{Accepts, Argument, arguments};
+use super::{Service, Shared, parse_id};
+use crate::spectrum::Spectrum;
+use crate::store::JobRecord;
+
+/// What it can be had as.
+pub(crate) const OFFERS: [Offer; 2] = [JSON, CSV];
+
+const ARGUMENTS: &[Argument] = &[Argument {
+    name: "format",
+    alias: None,
+    accepts: Accepts::Word(&["json", "csv"]),
+    default: "by Accept, else json",
+    meaning: "Format of the answer.",
+}];
+
+arguments!(
+    /// Query of `GET /jobs/{id}/spectrum`.
+    ReadSpectrum = ARGUMENTS
+);
+
+/// A spectrum, and whose it is.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct SpectrumView {
+    /// The job.
+    job_id: Uuid,
+    /// The cloud it analysed.
+    cloud_id: Uuid,
+    /// The spectrum.
+    #[serde(flatten)]
+    spectrum: Spectrum,
+}
+
+/// Eigenvalues, residuals, clusters and certificates.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/spectrum",
+    tag = "results",
+    params(("id" = Uuid, Path, description = "The job."), ReadSpectrum),
+    responses(
+        (status = 200, description = "The spectrum; as CSV one row per eigenvalue.", content((SpectrumView = "application/json"), (String = "text/csv"))),
+        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 409, description = "The job has no spectrum, or not yet.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn spectrum(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let arguments = ReadSpectrum::read(&uri)?;
+    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
+    respond(&service, &id, offer).await
+}
+
+pub(super) async fn respond(service: &Service, id: &str, offer: Offer) -> Result<Response, Problem> {
+    let (job, spectrum) = of_job(service.store.job(parse_id(id)?).await?)?;
+    if offer == CSV {
+        return Ok(([(header::CONTENT_TYPE, CSV.media_type())], csv(&spectrum)).into_response());
+    }
+    Ok(Json(SpectrumView { job_id: job.id, cloud_id: job.cloud_id, spectrum }).into_response())
+}
+
+/// The spectrum of a job that has succeeded.
+pub(super) fn of_job(mut job: JobRecord) -> Result<(JobRecord, Spectrum), Problem> {
+    if let Some(problem) = problem::without_result(&job) {
+        return Err(problem);
+    }
+    let spectrum = job.report.as_mut().and_then(|report| report.spectrum.take());
+    match spectrum {
+        Some(spectrum) => Ok((job, spectrum)),
+        None => Err(Problem::new(
+            Kind::NoSuchResult,
+            format!(
+                "job {} built the operator only; submit {{\"kind\": \"eigen\"}} to /clouds/{}/jobs for bases and spectrum",
+                job.id, job.cloud_id
+            ),
+        )
+        .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) }))),
+    }
+}
+
+fn csv(spectrum: &Spectrum) -> String {
+    let mut text = String::from("index,eigenvalue,raw_eigenvalue,residual,frequency\n");
+    let rows = spectrum.eigenvalues.iter().zip(&spectrum.raw_eigenvalues).zip(&spectrum.residuals);
+    for (index, ((eigenvalue, raw), residual)) in rows.enumerate() {
+        let eigenvalue = number(*eigenvalue);
+        let frequency = if eigenvalue < 0.0 { 0.0 } else { eigenvalue.sqrt() };
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{index},{eigenvalue:?},{raw:?},{residual:?},{frequency:?}");
+    }
+    text
+}
+
+/// NaN for a number that is absent.
+fn number(value: impl Into<Option<f64>>) -> f64 {
+    value.into().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,148 @@
+//! The uploaded file: taken from the body within limits, its format told from what came with it.
+
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::multipart::MultipartError;
+use axum::extract::{FromRequest, Multipart, Request};
+use axum::http::header;
+use futures_util::{Stream, StreamExt, TryStreamExt};
+
+use super::Limits;
+use super::problem::{Kind, Problem};
+use crate::cloud::reader::Format;
+
+/// Media types that say nothing about the format: what clients send when they were not told.
+const UNSPECIFIC: [&str; 3] = ["application/octet-stream", "application/x-www-form-urlencoded", "text/plain"];
+
+/// A file as it arrived.
+#[derive(Debug)]
+pub(crate) struct Upload {
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+    /// What it is called, if the client said.
+    pub file_name: Option<String>,
+    /// Format that its media type stands for, if it stands for one.
+    declared: Option<Format>,
+}
+
+impl Upload {
+    /// Takes the file from the body, or from the first file part of a multipart body.
+    ///
+    /// # Errors
+    /// A problem: over the limit, malformed, stalled, of a media type that is not supported.
+    pub(crate) async fn receive(request: Request, limits: &Limits) -> Result<Self, Problem> {
+        let announced = request.headers().get(header::CONTENT_LENGTH);
+        let announced = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
+        if announced.is_some_and(|length| length > limits.body_bytes) {
+            return Err(too_large(limits.body_bytes));
+        }
+        let media_type = request.headers().get(header::CONTENT_TYPE);
+        let media_type = media_type.map(|value| value.to_str().unwrap_or("?").to_owned());
+        if media_type.as_deref().is_some_and(|media_type| essence(media_type) == "multipart/form-data") {
+            return Self::from_multipart(request, limits).await;
+        }
+        let declared = declared_format(media_type.as_deref())?;
+        let bytes = collect(limits, request.into_body().into_data_stream().map_err(interrupted)).await?;
+        Ok(Self { bytes, file_name: None, declared })
+    }
+
+    async fn from_multipart(request: Request, limits: &Limits) -> Result<Self, Problem> {
+        let mut parts = Multipart::from_request(request, &()).await.map_err(|rejection| {
+            Problem::new(
+                Kind::MalformedRequest,
+                format!("the multipart body cannot be read: {}", rejection.body_text()),
+            )
+        })?;
+        while let Some(part) = within(limits.stall, parts.next_field()).await?.map_err(malformed)? {
+            let Some(file_name) = part.file_name().map(str::to_owned) else { continue };
+            let declared = declared_format(part.content_type())?;
+            let bytes = collect(limits, part.map_err(malformed)).await?;
+            return Ok(Self { bytes, file_name: Some(file_name), declared });
+        }
+        Err(Problem::new(
+            Kind::MalformedRequest,
+            "the multipart body has no file part; send one as in `curl -F file=@scan.ply`",
+        ))
+    }
+
+    /// The format: `named`, else from the media type, else from the file name, else from the bytes.
+    ///
+    /// # Errors
+    /// A problem that names the formats.
+    pub(crate) fn format(&self, named: Option<Format>) -> Result<Format, Problem> {
+        let ending = self.file_name.as_deref().and_then(|name| name.rsplit_once('.'));
+        named
+            .or(self.declared)
+            .or_else(|| ending.and_then(|(_, ending)| Format::from_extension(ending)))
+            .or_else(|| Format::sniff(&self.bytes))
+            .ok_or_else(|| unsupported("the format cannot be told from the file"))
+    }
+}
+
+/// Gathers chunks up to the limit, and gives up on a sender that stalls.
+async fn collect(
+    limits: &Limits,
+    mut chunks: impl Stream<Item = Result<Bytes, Problem>> + Unpin,
+) -> Result<Vec<u8>, Problem> {
+    let mut bytes = Vec::new();
+    while let Some(chunk) = within(limits.stall, chunks.next()).await? {
+        let chunk = chunk?;
+        if (bytes.len() + chunk.len()) as u64 > limits.body_bytes {
+            return Err(too_large(limits.body_bytes));
+        }
+        bytes.extend_from_slice(&chunk);
+    }
+    if bytes.is_empty() {
+        return Err(Problem::new(
+            Kind::MalformedRequest,
+            "the body is empty; send the file as the body, as in `curl -T scan.ply`",
+        ));
+    }
+    Ok(bytes)
+}
+
+async fn within<T>(stall: Duration, future: impl Future<Output = T>) -> Result<T, Problem> {
+    tokio::time::timeout(stall, future).await.map_err(|_| {
+        Problem::new(Kind::RequestTimeout, format!("no data came for {} seconds", stall.as_secs_f64()))
+    })
+}
+
+#[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
+fn malformed(error: MultipartError) -> Problem {
+    Problem::new(Kind::MalformedRequest, format!("the multipart body cannot be read: {}", error.body_text()))
+}
+
+#[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
+fn interrupted(error: axum::Error) -> Problem {
+    tracing::debug!(%error, "upload interrupted");
+    Problem::new(Kind::MalformedRequest, "the body ended before all of it had come")
+}
+
+fn too_large(limit: u64) -> Problem {
+    Problem::new(Kind::TooLarge, format!("the body is larger than {limit} bytes, the limit of this service"))
+        .with("limit", limit)
+}
+
+/// What the media type of a file says of its format: nothing, a format, or something unsupported.
+fn declared_format(media_type: Option<&str>) -> Result<Option<Format>, Problem> {
+    let Some(media_type) = media_type.map(essence) else { return Ok(None) };
+    if UNSPECIFIC.contains(&media_type.as_str()) {
+        return Ok(None);
+    }
+    let known = Format::from_media_type(&media_type);
+    known.map(Some).ok_or_else(|| unsupported(&format!("the media type `{media_type}` is not supported")))
+}
+
+fn essence(media_type: &str) -> String {
+    media_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
+}
+
+fn unsupported(reason: &str) -> Problem {
+    let names: Vec<_> = Format::ALL.iter().map(|format| format.name()).collect();
+    Problem::new(
+        Kind::UnsupportedFormat,
+        format!("{reason}; accepted are {}, told by ?format= or by Content-Type", names.join(", ")),
+    )
+    .with("accepted", names)
+}

@@ -1,0 +1,13 @@
+//! The service as its users see it: over HTTP, on an app of its own per test.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on has failed
+
+mod jobs;
+mod listing;
+mod openapi;
+mod requests;
+mod results;
+mod service;
+mod shutdown;
+mod upload_errors;
+mod uploads;

@@ -1,0 +1,160 @@
+//! The OpenAPI document: the file at the top of the repository, the code, and the service say the same.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::service::Service;
+
+fn document() -> Value {
+    serde_json::to_value(chladni::http::document()).unwrap()
+}
+
+/// Every operation with its method and path.
+fn operations(document: &Value) -> Vec<(String, Value)> {
+    let methods = ["get", "put", "post", "delete", "patch", "head"];
+    let paths = document["paths"].as_object().unwrap();
+    let of_path = |(path, item): (&String, &Value)| {
+        let named = item.as_object().unwrap().iter().filter(|(method, _)| methods.contains(&method.as_str()));
+        named.map(|(method, operation)| (format!("{method} {path}"), operation.clone())).collect::<Vec<_>>()
+    };
+    paths.iter().flat_map(of_path).collect()
+}
+
+#[test]
+fn the_file_is_what_the_code_generates() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("openapi.yaml");
+    let generated = chladni::http::document().to_yaml().unwrap();
+    if std::env::var_os("UPDATE_OPENAPI").is_some() {
+        std::fs::write(&file, &generated).unwrap();
+    }
+    let written = std::fs::read_to_string(&file).unwrap_or_default();
+    assert!(
+        written == generated,
+        "openapi.yaml is out of date; write it with UPDATE_OPENAPI=1 cargo test --test api openapi"
+    );
+}
+
+#[tokio::test]
+async fn the_service_hands_its_document_out() {
+    let service = Service::start().await;
+    let response = service.get("/openapi.yaml").await;
+    assert_eq!(response.headers()["content-type"], "application/yaml");
+    assert_eq!(response.text().await.unwrap(), chladni::http::document().to_yaml().unwrap());
+}
+
+#[test]
+fn every_operation_says_what_it_does_and_has_its_own_name() {
+    let document = document();
+    let mut names = BTreeSet::new();
+    for (name, operation) in operations(&document) {
+        assert!(operation["summary"].as_str().is_some_and(|summary| !summary.is_empty()), "{name}");
+        assert!(names.insert(operation["operationId"].as_str().unwrap().to_owned()), "{name}: {operation}");
+        for parameter in operation["parameters"].as_array().into_iter().flatten() {
+            assert!(
+                parameter["description"].as_str().is_some_and(|text| !text.is_empty()),
+                "{name}: {parameter}"
+            );
+        }
+    }
+    assert!(names.len() >= 20, "{names:?}");
+}
+
+#[test]
+fn every_operation_with_a_choice_tells_its_problems() {
+    for (name, operation) in operations(&document()) {
+        if operation["parameters"].as_array().is_none_or(Vec::is_empty) {
+            continue;
+        }
+        let responses = operation["responses"].as_object().unwrap();
+        let problems = responses.iter().filter(|(status, _)| status.starts_with('4'));
+        let described =
+            problems.map(|(_, response)| &response["content"]["application/problem+json"]["schema"]["$ref"]);
+        let described: Vec<_> = described.collect();
+        assert!(!described.is_empty(), "{name}");
+        assert!(
+            described.iter().all(|reference| *reference == "#/components/schemas/Problem"),
+            "{name}: {described:?}"
+        );
+    }
+}
+
+#[test]
+fn every_field_of_every_schema_is_described() {
+    let document = document();
+    let mut undescribed = Vec::new();
+    for (name, schema) in document["components"]["schemas"].as_object().unwrap() {
+        visit(name, schema, &mut undescribed);
+    }
+    assert_eq!(undescribed, Vec::<String>::new());
+}
+
+fn visit(name: &str, schema: &Value, undescribed: &mut Vec<String>) {
+    for (field, property) in schema["properties"].as_object().into_iter().flatten() {
+        let is_choice = |part: &Value| part.get("$ref").is_some();
+        let is_reference = is_choice(property)
+            || property["oneOf"].as_array().is_some_and(|parts| parts.iter().any(is_choice));
+        if !is_reference && property["description"].as_str().is_none_or(str::is_empty) {
+            undescribed.push(format!("{name}.{field}"));
+        }
+    }
+    for part in ["allOf", "oneOf"] {
+        for part in schema[part].as_array().into_iter().flatten() {
+            visit(name, part, undescribed);
+        }
+    }
+}
+
+/// utoipa keeps the first of two schemas of one name, silently: the names that types are given in the code are counted.
+#[test]
+fn no_two_schemas_share_a_name() {
+    let mut seen = BTreeSet::new();
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    for file in rust_files(&source) {
+        let text = std::fs::read_to_string(&file).unwrap();
+        for name in schema_names(&text) {
+            assert!(
+                seen.insert(name.clone()),
+                "two schemas are called {name}; the second is in {}",
+                file.display()
+            );
+        }
+    }
+    let documented = document();
+    let documented: BTreeSet<_> =
+        documented["components"]["schemas"].as_object().unwrap().keys().cloned().collect();
+    assert!(documented.is_subset(&seen), "{:?}", documented.difference(&seen));
+}
+
+fn rust_files(directory: &Path) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
+    let of_entry = |path: std::path::PathBuf| match path.is_dir() {
+        true => rust_files(&path),
+        false if path.extension().is_some_and(|ending| ending == "rs") => vec![path],
+        false => Vec::new(),
+    };
+    entries.flat_map(of_entry).collect()
+}
+
+/// Names of the types that derive `ToSchema` in a source file, as the document has them.
+fn schema_names(text: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    let (mut derives, mut renamed) = (false, None);
+    for line in text.lines().map(str::trim) {
+        derives |= line.contains("ToSchema") && !line.starts_with("use ");
+        if let Some(rest) = line.strip_prefix("#[schema(as = ") {
+            renamed = rest.split([',', ')']).next().map(str::to_owned);
+        }
+        let declared = line.strip_prefix("pub ").unwrap_or(line);
+        let declared = declared.strip_prefix("struct ").or_else(|| declared.strip_prefix("enum "));
+        if let Some(declared) = declared {
+            let name = declared.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+            if derives {
+                names.push(renamed.take().unwrap_or_else(|| name.to_owned()));
+            }
+            (derives, renamed) = (false, None);
+        }
+    }
+    names
+}

@@ -1,0 +1,135 @@
+//! Sending clouds, and getting them back.
+
+use chladni::cloud::reader::{self, Format, ReadOptions};
+use reqwest::multipart::{Form, Part};
+use reqwest::{Method, StatusCode};
+use serde_json::Value;
+
+use crate::service::{Service, file, sphere};
+
+#[tokio::test]
+async fn every_format_is_told_from_its_bytes() {
+    let service = Service::start().await;
+    for format in Format::ALL {
+        let response = service.post("/clouds?analyze=false", file(&sphere(60), format)).await;
+        assert!(response.status().is_success(), "{format}: {}", response.text().await.unwrap());
+        let body: Value = response.json().await.unwrap();
+        assert_eq!(body["cloud"]["points"], 60, "{format}");
+        assert!(body["job"].is_null());
+    }
+}
+
+#[tokio::test]
+async fn curl_t_is_answered_with_202_and_the_job() {
+    let service = Service::that_never_finishes().await;
+    let url = service.url("/clouds?bases=5");
+    let response = service.client.put(url).body(file(&sphere(100), Format::Ply)).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::ACCEPTED);
+    let location = response.headers()["location"].to_str().unwrap().to_owned();
+    assert!(response.headers().contains_key("retry-after"));
+    let body: Value = response.json().await.unwrap();
+    assert_eq!(location, format!("/jobs/{}", body["job"]["id"].as_str().unwrap()));
+    assert_eq!(body["links"]["job"], location);
+    assert_eq!(body["job"]["cloud_id"], body["cloud"]["id"]);
+    assert_eq!(body["job"]["parameters"]["bases"], 5);
+    assert_eq!(service.json(&location).await["id"], body["job"]["id"]);
+}
+
+#[tokio::test]
+async fn curl_t_to_the_folder_appends_a_name_that_tells_the_format() {
+    let service = Service::start().await;
+    for path in ["/clouds/scan.xyz?analyze=false", "/clouds/?analyze=false"] {
+        let request = service.client.request(Method::PUT, service.url(path));
+        let response = request.body(file(&sphere(50), Format::Xyz)).send().await.unwrap();
+        assert!(response.status().is_success(), "{path}: {}", response.text().await.unwrap());
+    }
+}
+
+#[tokio::test]
+async fn a_browser_form_is_taken_by_its_first_file_part() {
+    let service = Service::start().await;
+    let part = Part::bytes(file(&sphere(50), Format::Csv)).file_name("scan.csv");
+    let form = Form::new().text("comment", "hello").part("file", part);
+    let response =
+        service.client.post(service.url("/clouds?analyze=false")).multipart(form).send().await.unwrap();
+    assert_eq!(response.status(), StatusCode::CREATED);
+    let location = response.headers()["location"].to_str().unwrap().to_owned();
+    assert_eq!(service.json(&location).await["points"], 50);
+}
+
+#[tokio::test]
+async fn a_format_that_is_named_or_declared_is_used() {
+    let service = Service::start().await;
+    let cloud = file(&sphere(40), Format::Xyz);
+    let named = service.post("/clouds?analyze=false&format=xyz", cloud.clone()).await;
+    assert!(named.status().is_success());
+    let request = service.client.post(service.url("/clouds?analyze=false")).body(cloud);
+    let contradicted = request.header("content-type", "application/x-ply").send().await.unwrap();
+    assert_eq!(contradicted.status(), StatusCode::BAD_REQUEST);
+}
+
+#[tokio::test]
+async fn the_same_content_is_stored_once_whatever_its_format() {
+    let service = Service::start().await;
+    let mut ids = Vec::new();
+    for (format, status) in [(Format::Npy, StatusCode::CREATED), (Format::Npy, StatusCode::OK)] {
+        let response = service.post("/clouds?analyze=false", file(&sphere(40), format)).await;
+        assert_eq!(response.status(), status);
+        ids.push(response.json::<Value>().await.unwrap()["cloud"]["id"].clone());
+    }
+    assert_eq!(ids[0], ids[1]);
+}
+
+#[tokio::test]
+async fn the_same_analysis_is_answered_with_the_job_that_is_there() {
+    let service = Service::that_never_finishes().await;
+    let cloud = file(&sphere(100), Format::Ply);
+    let first = service.accept("bases=5", cloud.clone()).await;
+    let again = service.post("/clouds?bases=5", cloud.clone()).await;
+    assert_eq!(again.status(), StatusCode::OK);
+    assert_eq!(again.json::<Value>().await.unwrap()["job"]["id"], first["job"]["id"]);
+    let other = service.accept("bases=6", cloud).await;
+    assert_ne!(other["job"]["id"], first["job"]["id"]);
+}
+
+#[tokio::test]
+async fn a_cloud_comes_back_as_it_was_sent() {
+    let service = Service::start().await;
+    let text =
+        b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                 property uchar red\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+                 0 0 0 10\n1 0 0 20\n0 1 0 30\n0 0 1 40\n3 0 1 2\n";
+    let created: Value = service.post("/clouds?analyze=false", text.to_vec()).await.json().await.unwrap();
+    let path = created["links"]["points"].as_str().unwrap();
+    let sent = reader::read(text, Format::Ply, &ReadOptions::default()).unwrap();
+    let ply = service.get(path).await.bytes().await.unwrap();
+    assert_eq!(reader::read(&ply, Format::Ply, &ReadOptions::default()).unwrap(), sent);
+    let npy = service.get(&format!("{path}?format=npy")).await.bytes().await.unwrap();
+    let npy = reader::read(&npy, Format::Npy, &ReadOptions::default()).unwrap();
+    assert_eq!(npy.coordinates(), sent.coordinates());
+    let json = service.json(&format!("{path}?format=json")).await;
+    assert_eq!(json["coordinates"][1], serde_json::json!([1.0, 0.0, 0.0]));
+    assert_eq!(json["dimension"], 3);
+}
+
+#[tokio::test]
+async fn the_longest_ply_is_streamed_whole_and_in_parts() {
+    let service = Service::start().await;
+    let cloud = sphere(20_000);
+    let created: Value =
+        service.post("/clouds?analyze=false", file(&cloud, Format::Npy)).await.json().await.unwrap();
+    let path = created["links"]["points"].as_str().unwrap();
+    let whole = service.get(path).await.bytes().await.unwrap();
+    assert_eq!(
+        reader::read(&whole, Format::Ply, &ReadOptions::default()).unwrap().coordinates(),
+        cloud.coordinates()
+    );
+    let mut parts = Vec::new();
+    while parts.len() < whole.len() {
+        let range = format!("bytes={}-{}", parts.len(), parts.len() + 99_999);
+        let part = service.client.get(service.url(path)).header("range", range).send().await.unwrap();
+        assert_eq!(part.status(), StatusCode::PARTIAL_CONTENT);
+        parts.extend(part.bytes().await.unwrap());
+    }
+    assert_eq!(parts, whole);
+}

@@ -1,0 +1,226 @@
+//! The commands that work on files, run as a user runs them.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on has failed
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use chladni::cloud::PointCloud;
+use chladni::cloud::reader::{Format, ReadOptions, read};
+use rstest::rstest;
+use tempfile::{TempDir, tempdir};
+
+fn chladni(folder: &TempDir, arguments: &str) -> Output {
+    command(folder, arguments).output().unwrap()
+}
+
+fn command(folder: &TempDir, arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_chladni"));
+    command.current_dir(folder.path()).args(arguments.split_whitespace());
+    command
+}
+
+fn succeeded(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// The one line of an error, and its exit code.
+fn failed(output: &Output) -> (i32, String) {
+    let text = String::from_utf8(output.stderr.clone()).unwrap();
+    let errors: Vec<&str> = text.lines().filter(|line| line.contains("error")).collect();
+    assert_eq!(errors.len(), 1, "{text}");
+    assert!(!text.contains("panicked") && !text.contains("backtrace"), "{text}");
+    (output.status.code().unwrap(), errors[0].to_owned())
+}
+
+fn cloud(path: &Path) -> PointCloud {
+    let format = Format::from_extension(path.extension().unwrap().to_str().unwrap()).unwrap();
+    read(&fs::read(path).unwrap(), format, &ReadOptions::default()).unwrap()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[rstest]
+fn a_sample_is_written_in_the_format_of_its_extension(
+    #[values("ply", "obj", "off", "xyz", "csv", "npy")] extension: &str,
+) {
+    let folder = tempdir().unwrap();
+    let told =
+        succeeded(&chladni(&folder, &format!("sample torus --points 500 --sampling iid -o a.{extension}")));
+    assert!(told.contains("500 points of torus"), "{told}");
+    let cloud = cloud(&folder.path().join(format!("a.{extension}")));
+    assert_eq!((cloud.len(), cloud.dimension()), (500, 3));
+    assert_eq!(names(folder.path()).len(), 1);
+}
+
+#[test]
+fn a_flat_torus_keeps_its_dimension_in_ply() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample flat-torus-6 --points 100 -o a.ply"));
+    assert_eq!(cloud(&folder.path().join("a.ply")).dimension(), 6);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_file() {
+    let folder = tempdir().unwrap();
+    for (seed, file) in [(1, "a"), (1, "b"), (2, "c")] {
+        succeeded(&chladni(
+            &folder,
+            &format!("sample sphere -n 50 --sampling nonuniform --noise 0.1 --seed {seed} -o {file}.xyz"),
+        ));
+    }
+    let bytes = |file: &str| fs::read(folder.path().join(file)).unwrap();
+    assert_eq!(bytes("a.xyz"), bytes("b.xyz"));
+    assert_ne!(bytes("a.xyz"), bytes("c.xyz"));
+}
+
+#[rstest]
+#[case("sample klein-bottle -o a.ply", "klein-bottle")]
+#[case("sample sphere -o a.stl", "ply, obj, off, xyz, csv, npy are possible")]
+#[case("sample sphere -n 0 -o a.ply", "points=0: 1 to 10000000 are possible")]
+#[case("sample sphere --angle 30 -o a.ply", "angle=30")]
+#[case("sample sphere --noise -1 -o a.ply", "noise=-1")]
+#[case("sample flat-torus-4 -o a.off", "flat-torus-4 has 4")]
+#[case("analyze missing.ply -o out", "missing.ply")]
+#[case("analyze bad.xyz -o out", "bad.xyz: XYZ, line 2: `two` is no number")]
+#[case("analyze bad.bin -o out", "unknown format; name it with --format")]
+#[case("analyze three.xyz -o out", "")]
+#[case("analyze line.xyz -k 2 -o out", "")]
+#[case("analyze good.xyz -k 0 -o out", "bases")]
+#[case("analyze good.xyz --t 1 --t-factor 1 -o out", "t_factor")]
+#[case("health ftp://x", "http://HOST:PORT/livez is one")]
+fn what_the_caller_can_mend_is_told_in_one_line_with_exit_code_2(
+    #[case] arguments: &str,
+    #[case] told: &str,
+) {
+    let folder = tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    write("bad.xyz", b"1 2 3\n1 two 3\n");
+    write("bad.bin", b"\x00\x01\x02");
+    write("three.xyz", b"0 0 0\n1 0 0\n0 1 0\n");
+    let rows = |row: fn(i32) -> String| (0..50).map(row).collect::<Vec<_>>().join("\n");
+    write("line.xyz", rows(|i| format!("{i} 0 0")).as_bytes());
+    write("good.xyz", rows(|i| format!("{} {} 0", i % 7, i / 7)).as_bytes());
+    let before = names(folder.path());
+    let (code, line) = failed(&chladni(&folder, arguments));
+    assert_eq!(code, 2, "{line}");
+    assert!(line.contains(told), "{line}");
+    assert_eq!(names(folder.path()), before, "nothing is left behind");
+}
+
+#[test]
+fn an_analysis_writes_what_it_found() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample sphere --points 2000 -o sphere.ply"));
+    let output = chladni(&folder, "analyze sphere.ply -o out -k 9 --threads 1");
+    let told = succeeded(&output);
+    assert!(told.contains("eigenvalues (9)") && told.contains("bases.npy"), "{told}");
+    let progress = String::from_utf8(output.stderr).unwrap();
+    assert!(progress.lines().any(|line| line == "eigenpairs"), "a line per phase: {progress}");
+
+    let out = folder.path().join("out");
+    assert_eq!(names(&out), ["bases.npy", "bases.ply", "mass.npy", "report.json", "spectrum.json"]);
+    let json = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&fs::read(out.join(name)).unwrap()).unwrap()
+    };
+    assert_eq!(json("report.json")["rows"], 2000);
+    // The sphere's eigenvalues are l(l+1), 2l+1 times each.
+    let eigenvalues: Vec<f64> = json("spectrum.json")["eigenvalues"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|x| x.as_f64().unwrap())
+        .collect();
+    for (found, exact) in eigenvalues.iter().zip([0.0, 2.0, 2.0, 2.0, 6.0, 6.0, 6.0, 6.0, 6.0]) {
+        assert!((found - exact).abs() <= 0.03 * exact + 1e-6, "{eigenvalues:?}");
+    }
+
+    let npy = |name: &str| npyz::NpyFile::new(fs::File::open(out.join(name)).unwrap()).unwrap();
+    let bases = npy("bases.npy");
+    assert_eq!(bases.shape(), [2000, 9]);
+    let bases: Vec<f64> = bases.into_vec().unwrap();
+    let mass: Vec<f64> = npy("mass.npy").into_vec().unwrap();
+    assert!((mass.iter().sum::<f64>() / (4.0 * std::f64::consts::PI) - 1.0).abs() < 0.02);
+    for (i, first) in bases.chunks(2000).enumerate() {
+        for (j, second) in bases.chunks(2000).enumerate() {
+            let product: f64 = first.iter().zip(second).zip(&mass).map(|((x, y), m)| x * y * m).sum();
+            assert!((product - f64::from(u8::from(i == j))).abs() < 1e-6, "{i}, {j}: {product}");
+        }
+    }
+    let ply = cloud(&out.join("bases.ply"));
+    assert_eq!(ply.fields().len(), 9);
+    assert!((ply.fields()[3].values[17] - bases[3 * 2000 + 17]).abs() < 1e-6);
+}
+
+#[test]
+fn an_operator_is_written_as_a_sparse_matrix_with_zero_row_sums() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample torus --points 1000 -o torus.npy"));
+    succeeded(&chladni(&folder, "analyze torus.npy --kind operator -o out --threads 1"));
+    assert_eq!(names(&folder.path().join("out")), ["mass.npy", "operator.mtx", "report.json"]);
+    let text = fs::read_to_string(folder.path().join("out/operator.mtx")).unwrap();
+    assert!(text.starts_with("%%MatrixMarket matrix coordinate real symmetric\n"));
+    let mut lines = text.lines().filter(|line| !line.starts_with('%'));
+    let size: Vec<usize> = lines.next().unwrap().split(' ').map(|x| x.parse().unwrap()).collect();
+    let mut sums = vec![(0.0, 0.0); size[0]];
+    let mut add =
+        |row: usize, value: f64| sums[row - 1] = (sums[row - 1].0 + value, sums[row - 1].1 + value.abs());
+    let mut count = 0;
+    for line in lines {
+        let mut words = line.split(' ');
+        let [row, column] = [(); 2].map(|()| words.next().unwrap().parse().unwrap());
+        let value = words.next().unwrap().parse().unwrap();
+        add(row, value);
+        if row != column {
+            add(column, value);
+        }
+        count += 1;
+    }
+    assert_eq!([size[0], size[1], size[2]], [1000, 1000, count]);
+    assert!(sums.iter().all(|(sum, size)| *size > 0.0 && sum.abs() < 1e-9 * size));
+}
+
+#[test]
+fn a_directory_that_is_not_empty_is_overwritten_only_by_force() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample sphere --points 500 -o a.xyz"));
+    fs::create_dir(folder.path().join("out")).unwrap();
+    fs::write(folder.path().join("out/notes.txt"), "mine").unwrap();
+    let (code, line) = failed(&chladni(&folder, "analyze a.xyz -k 3 -o out"));
+    assert_eq!(code, 2);
+    assert!(line.contains("out is not empty; --force"), "{line}");
+    succeeded(&chladni(&folder, "analyze a.xyz -k 3 -o out --force"));
+    let written = names(&folder.path().join("out"));
+    assert!(
+        written.contains(&"notes.txt".to_owned()) && written.contains(&"bases.npy".to_owned()),
+        "{written:?}"
+    );
+    assert_eq!(names(folder.path()), ["a.xyz", "out"]);
+}
+
+#[cfg(unix)]
+#[rstest]
+fn a_signal_cancels_and_leaves_nothing_behind(#[values("INT", "TERM")] signal: &str) {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample sphere --points 60000 -o a.ply"));
+    let mut child = command(&folder, "analyze a.ply -k 100 -o out")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line == "neighborhoods"));
+    assert!(Command::new("kill").args(["-s", signal, &child.id().to_string()]).status().unwrap().success());
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert_eq!(rest.last().map(String::as_str), Some("chladni: error: canceled"), "{rest:?}");
+    assert_eq!(names(folder.path()), ["a.ply"]);
+}
