@@ -69,7 +69,7 @@ CREATE INDEX jobs_by_cloud ON jobs (cloud_id, id);
 CREATE TABLE bases (
     job_id         BLOB    NOT NULL REFERENCES jobs (id) ON DELETE CASCADE,
     idx            INTEGER NOT NULL,
-    eigenvalue     REAL    NOT NULL,
+    eigenvalue     REAL,
     raw_eigenvalue REAL    NOT NULL,
     residual       REAL    NOT NULL,
     digest         BLOB    NOT NULL CHECK (length(digest) = 32),

@@ -199,10 +199,11 @@ impl Clipper<'_> {
         };
         let (mut area, mut squared_radius, mut missing) = (0.0, 0.0_f64, false);
         let mut conductance: Vec<(u32, f64)> = Vec::with_capacity(corners.len());
-        let mut carry = |q: u32, length: f64, distance: f64| match conductance.iter_mut().find(|(r, _)| *r == q) {
-            Some((_, w)) => *w += length / distance,
-            None => conductance.push((q, length / distance)),
-        };
+        let mut carry =
+            |q: u32, length: f64, distance: f64| match conductance.iter_mut().find(|(r, _)| *r == q) {
+                Some((_, w)) => *w += length / distance,
+                None => conductance.push((q, length / distance)),
+            };
         for (k, corner) in corners.iter().enumerate() {
             let previous = corners[(k + corners.len() - 1) % corners.len()].edge;
             let squared = dot(corner.at, corner.at);
@@ -221,7 +222,12 @@ impl Clipper<'_> {
             carry(corner.edge, along_after, after_length);
         }
         if !(area > 0.0) || (missing && !self.options.clip_rims) {
-            return Cell { area: 0.0, radius: 0.0, kind: CellKind::Invalid, conductance: positive(conductance) };
+            return Cell {
+                area: 0.0,
+                radius: 0.0,
+                kind: CellKind::Invalid,
+                conductance: positive(conductance),
+            };
         }
         let kind = if missing { CellKind::Rim } else { CellKind::Closed };
         Cell { area, radius: squared_radius.sqrt(), kind, conductance: positive(conductance) }

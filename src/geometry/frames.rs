@@ -31,7 +31,11 @@ pub struct Frames {
 ///
 /// # Errors
 /// [`GeometryError::Canceled`].
-pub fn frames(points: &Points, nearest: &NearestNeighbors, progress: &Progress) -> Result<Frames, GeometryError> {
+pub fn frames(
+    points: &Points,
+    nearest: &NearestNeighbors,
+    progress: &Progress,
+) -> Result<Frames, GeometryError> {
     progress.advance(0.75)?;
     let d = points.dimension();
     let mut tangents = vec![0.0; points.len() * SURFACE * d];
@@ -69,7 +73,8 @@ fn frame_in_space(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64
 
 fn frame_in_any_dimension(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64]) {
     let (p, d) = (points.point(i), points.dimension());
-    let offsets = DMatrix::from_fn(d, neighbors.len(), |axis, j| points.point(neighbors[j] as usize)[axis] - p[axis]);
+    let offsets =
+        DMatrix::from_fn(d, neighbors.len(), |axis, j| points.point(neighbors[j] as usize)[axis] - p[axis]);
     let scatter = &offsets * offsets.transpose();
     let scale = scatter.trace();
     let Some(eigen) = SymmetricEigen::try_new(scatter / scale, f64::EPSILON, SWEEPS_MAX) else {

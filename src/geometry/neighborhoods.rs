@@ -32,13 +32,23 @@ fn build<const D: usize>(points: &Points) -> Box<ImmutableKdTree<f64, D>> {
     Box::new(ImmutableKdTree::new_from_slice(rows).expect("fewer than 2^32 points"))
 }
 
-fn nearest<const D: usize>(tree: &ImmutableKdTree<f64, D>, p: &[f64], count: NonZeroUsize, out: &mut Vec<Neighbor>) {
+fn nearest<const D: usize>(
+    tree: &ImmutableKdTree<f64, D>,
+    p: &[f64],
+    count: NonZeroUsize,
+    out: &mut Vec<Neighbor>,
+) {
     let Some(p) = p.first_chunk::<D>() else { return };
     let found = tree.query(p).nearest_n::<SquaredEuclidean<f64>>(count).execute();
     out.extend(found.iter().map(|q| Neighbor { squared_distance: q.distance, index: q.item }));
 }
 
-fn within<const D: usize>(tree: &ImmutableKdTree<f64, D>, p: &[f64], squared_radius: f64, out: &mut Vec<Neighbor>) {
+fn within<const D: usize>(
+    tree: &ImmutableKdTree<f64, D>,
+    p: &[f64],
+    squared_radius: f64,
+    out: &mut Vec<Neighbor>,
+) {
     let Some(p) = p.first_chunk::<D>() else { return };
     let found = tree.query(p).within::<SquaredEuclidean<f64>>(squared_radius).unsorted().execute();
     out.extend(found.iter().map(|q| Neighbor { squared_distance: q.distance, index: q.item }));
@@ -110,7 +120,9 @@ fn finish(points: &Points, i: usize, out: &mut Vec<Neighbor>) {
     for q in out.iter_mut() {
         q.squared_distance = points.squared_distance(i, q.index as usize);
     }
-    out.sort_unstable_by(|a, b| a.squared_distance.total_cmp(&b.squared_distance).then(a.index.cmp(&b.index)));
+    out.sort_unstable_by(|a, b| {
+        a.squared_distance.total_cmp(&b.squared_distance).then(a.index.cmp(&b.index))
+    });
 }
 
 /// The same number of nearest neighbours for every point.
@@ -125,7 +137,12 @@ impl NearestNeighbors {
     ///
     /// # Errors
     /// [`GeometryError::Canceled`].
-    pub fn find(tree: &SearchTree, points: &Points, count: usize, progress: &Progress) -> Result<Self, GeometryError> {
+    pub fn find(
+        tree: &SearchTree,
+        points: &Points,
+        count: usize,
+        progress: &Progress,
+    ) -> Result<Self, GeometryError> {
         let count = count.min(points.len() - 1);
         let mut indices = vec![0; points.len() * count];
         let batches = points.len().div_ceil(BATCH);

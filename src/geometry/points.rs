@@ -12,9 +12,7 @@ const NO_POINT: u32 = u32::MAX;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GeometryError {
     /// Fewer distinct finite points than any operator needs.
-    #[error(
-        "{distinct} distinct finite points among {rows} rows; an analysis needs at least {needed}"
-    )]
+    #[error("{distinct} distinct finite points among {rows} rows; an analysis needs at least {needed}")]
     TooFewPoints {
         /// Distinct finite points.
         distinct: usize,
@@ -24,7 +22,9 @@ pub enum GeometryError {
         needed: usize,
     },
     /// The points span less than a surface.
-    #[error("all points lie on a line (to within rounding): a surface operator needs points that span a plane")]
+    #[error(
+        "all points lie on a line (to within rounding): a surface operator needs points that span a plane"
+    )]
     Collinear,
     /// More points than indices.
     #[error("{rows} rows; at most {limit} are supported")]
@@ -93,7 +93,9 @@ impl Points {
             key_a
                 .cmp(&key_b)
                 .then_with(|| {
-                    position(a).zip(position(b)).fold(std::cmp::Ordering::Equal, |o, (x, y)| o.then(x.total_cmp(&y)))
+                    position(a)
+                        .zip(position(b))
+                        .fold(std::cmp::Ordering::Equal, |o, (x, y)| o.then(x.total_cmp(&y)))
                 })
                 .then(a.cmp(&b))
         });
@@ -231,7 +233,26 @@ mod tests {
     #[test]
     fn duplicates_share_the_first_occurrence_and_nonfinite_rows_have_no_point() {
         let points = Points::prepare(&cloud(vec![
-            0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -0.0, 0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            0.0,
+            -0.0,
+            0.0,
+            0.0,
+            f64::NAN,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+            1.0,
+            1.0,
             0.0,
         ]))
         .unwrap();

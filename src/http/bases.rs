@@ -78,7 +78,7 @@ pub(crate) struct Bases {
     /// Number of bases.
     count: usize,
     /// Their eigenvalues λ.
-    eigenvalues: Vec<f64>,
+    eigenvalues: Vec<Option<f64>>,
     /// One array per basis, one number per row of the upload; null for rows without a result.
     bases: Vec<Vec<Option<f64>>>,
 }

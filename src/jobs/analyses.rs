@@ -17,7 +17,7 @@ pub trait Results: Send + Sync {
     /// Basis `j`, one value per row.
     fn basis(&self, j: usize) -> Vec<f64>;
     /// Q of every row.
-    fn matrix(&self) -> SparseMatrix;
+    fn matrix(&self) -> Option<SparseMatrix>;
 }
 
 impl Results for Analysis {
@@ -37,7 +37,7 @@ impl Results for Analysis {
         Analysis::basis(self, j)
     }
 
-    fn matrix(&self) -> SparseMatrix {
+    fn matrix(&self) -> Option<SparseMatrix> {
         self.operator_matrix()
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::analyses::Results;
 use super::compute::Compute;
 use super::worker::Setback;
-use crate::analysis::{JobKind, Report};
+use crate::analysis::JobKind;
 use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store, StoreError};
 
 /// Bases of one transaction, in bytes. Commits wait for the disk, and every other writer waits for the transaction.
@@ -26,6 +26,8 @@ pub(super) async fn store_arrays(
     if claim.job.kind == JobKind::Operator {
         let computed = Arc::clone(results);
         let matrix = compute.run(move || computed.matrix()).await?;
+        let matrix =
+            matrix.ok_or_else(|| StoreError::Damaged("an operator job without a matrix".to_owned()))?;
         store.put_array(claim, ArrayName::Offsets, Numbers::U64(matrix.offsets)).await?;
         store.put_array(claim, ArrayName::Columns, Numbers::U32(matrix.columns)).await?;
         store.put_array(claim, ArrayName::Values, Numbers::F64(matrix.values)).await?;
@@ -46,8 +48,7 @@ pub(super) async fn store_arrays(
 
 /// Eigenpair `j`; `None` when the report does not know it.
 fn eigenpair(results: &dyn Results, j: usize) -> Option<BasisValues> {
-    let Report { spectrum, .. } = results.report();
-    let spectrum = spectrum.as_ref()?;
+    let spectrum = results.report().spectrum.as_ref()?;
     Some(BasisValues {
         index: j,
         eigenvalue: *spectrum.eigenvalues.get(j)?,

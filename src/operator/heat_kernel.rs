@@ -26,7 +26,8 @@ impl HeatKernel {
     #[must_use]
     pub fn factor(&self) -> f64 {
         let half_square = self.delta * self.delta / (4.0 * self.t);
-        let lost = if self.truncation_compensation { (-half_square).exp() * (1.0 + half_square) } else { 0.0 };
+        let lost =
+            if self.truncation_compensation { (-half_square).exp() * (1.0 + half_square) } else { 0.0 };
         1.0 / (4.0 * std::f64::consts::PI * self.t * self.t * (1.0 - lost))
     }
 

@@ -41,7 +41,11 @@ impl SymmetricSparse {
                 .map_init(
                     || (scratch(), Vec::new()),
                     |(scratch, row), first| {
-                        assemble(first..end.min(first + ROWS_PER_TASK), |i, row| weights(i, scratch, row), row)
+                        assemble(
+                            first..end.min(first + ROWS_PER_TASK),
+                            |i, row| weights(i, scratch, row),
+                            row,
+                        )
                     },
                 )
                 .collect();

@@ -29,7 +29,8 @@ pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<SymmetricSparse, 
         |p, (), row| {
             for &(q, w) in &cells.conductance[p] {
                 let back = &cells.conductance[q as usize];
-                let seen_back = back.binary_search_by_key(&(p as u32), |&(r, _)| r).map_or(0.0, |k| back[k].1);
+                let seen_back =
+                    back.binary_search_by_key(&(p as u32), |&(r, _)| r).map_or(0.0, |k| back[k].1);
                 row.push((q, 0.5 * (w + seen_back)));
             }
             row.extend(unseen[p].iter().map(|&(q, w)| (q, 0.5 * w)));

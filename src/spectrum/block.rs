@@ -83,7 +83,12 @@ impl Block {
 
     fn chunk(&self, rows: std::ops::Range<usize>) -> MatRef<'_, f64> {
         let values = &self.values[rows.start * self.width..];
-        MatRef::from_row_major_slice_with_stride(values_for(values, rows.len(), self.width, self.columns), rows.len(), self.columns, self.width)
+        MatRef::from_row_major_slice_with_stride(
+            values_for(values, rows.len(), self.width, self.columns),
+            rows.len(),
+            self.columns,
+            self.width,
+        )
     }
 }
 
@@ -127,7 +132,8 @@ pub fn add_product(c: &mut Block, scale: f64, a: &Block, m: MatRef<'_, f64>) {
         let length = (rows - 1) * width + columns;
         // faer 0.24's own constructor of a mutable row-major view swaps the strides
         let target =
-            MatMut::from_column_major_slice_with_stride_mut(&mut values[..length], columns, rows, width).transpose_mut();
+            MatMut::from_column_major_slice_with_stride_mut(&mut values[..length], columns, rows, width)
+                .transpose_mut();
         matmul(target, Accum::Add, a.chunk(first..first + rows), m, scale, Par::Seq);
     });
 }

@@ -61,7 +61,9 @@ pub fn residuals(problem: &Problem, pairs: &Eigenpairs) -> Vec<f64> {
                 *r -= value * x;
             }
         });
-        all.extend(column_norms(&product).iter().zip(values).map(|(norm, value)| norm / (value + problem.shift)));
+        all.extend(
+            column_norms(&product).iter().zip(values).map(|(norm, value)| norm / (value + problem.shift)),
+        );
     }
     all
 }

@@ -1,8 +1,8 @@
 //! Sparse Cholesky factors of shifted stiffness matrices, with faer's supernodal factorisation.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
+use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
@@ -70,7 +70,8 @@ impl Symbolic {
         let values = shifted(matrix, shift);
         let a = SparseColMatRef::new(self.pattern(matrix), &values);
         let mut factor = vec![0.0; self.symbolic.len_val()];
-        let mut memory = allocate(self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, faer::Spec::default()))?;
+        let mut memory =
+            allocate(self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, faer::Spec::default()))?;
         self.symbolic
             .factorize_numeric_llt(
                 &mut factor,
@@ -95,7 +96,11 @@ impl Symbolic {
     ///
     /// # Errors
     /// [`SpectrumError::Factorization`] when memory cannot be had.
-    pub fn eigenvalues_below(&self, matrix: &SymmetricSparse, bound: f64) -> Result<Option<usize>, SpectrumError> {
+    pub fn eigenvalues_below(
+        &self,
+        matrix: &SymmetricSparse,
+        bound: f64,
+    ) -> Result<Option<usize>, SpectrumError> {
         let values = shifted(matrix, -bound);
         let a = SparseColMatRef::new(self.pattern(matrix), &values);
         let mut factor = vec![0.0; self.symbolic.len_val()];
@@ -132,7 +137,8 @@ impl Symbolic {
                 Box::new(symbolic.col_ptr()[..symbolic.ncols()].iter().map(|&start| factor[start as usize]))
             }
             SymbolicCholeskyRaw::Supernodal(symbolic) => {
-                let ldlt = faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef::new(symbolic, factor);
+                let ldlt =
+                    faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef::new(symbolic, factor);
                 Box::new((0..symbolic.n_supernodes()).flat_map(move |s| {
                     let diagonal = ldlt.supernode(s).val();
                     (0..diagonal.ncols()).map(move |k| diagonal[(k, k)])
@@ -149,7 +155,10 @@ impl Symbolic {
 
 fn allocate(size: faer::dyn_stack::StackReq) -> Result<MemBuffer, SpectrumError> {
     MemBuffer::try_new(size).map_err(|_| {
-        SpectrumError::Factorization(format!("{} MiB of scratch memory cannot be had", size.size_bytes() >> 20))
+        SpectrumError::Factorization(format!(
+            "{} MiB of scratch memory cannot be had",
+            size.size_bytes() >> 20
+        ))
     })
 }
 

@@ -15,7 +15,8 @@ pub fn solve(problem: &Problem, count: usize) -> Result<Eigenpairs, SpectrumErro
     let mut nulls = Block::zeros(n, zero_modes);
     problem.write_null_vectors(&mut nulls, zero_modes);
     // lifting the null space above the rest leaves the other eigenpairs as they are
-    let lift = 4.0 * (0..n).map(|i| problem.matrix.row(i).1.iter().map(|v| v.abs()).sum()).fold(0.0_f64, f64::max);
+    let lift =
+        4.0 * (0..n).map(|i| problem.matrix.row(i).1.iter().map(|v| v.abs()).sum()).fold(0.0_f64, f64::max);
     let mut dense = Mat::zeros(n, n);
     for i in 0..n {
         let (columns, values) = problem.matrix.row(i);

@@ -149,7 +149,8 @@ fn step(
     drop((residual, product));
 
     let projected = gram(&space.basis, &space.product);
-    let symmetric = Mat::from_fn(known + width, known + width, |i, j| 0.5 * (projected[(i, j)] + projected[(j, i)]));
+    let symmetric =
+        Mat::from_fn(known + width, known + width, |i, j| 0.5 * (projected[(i, j)] + projected[(j, i)]));
     let (values, vectors) = eigen(symmetric.as_ref())?;
     let best = vectors.as_ref().subcols(0, columns);
     let directions = new_directions(best, columns, active)?;
@@ -164,7 +165,11 @@ fn step(
 }
 
 /// Coefficients of P: what the active Ritz vectors gained outside the old X, orthogonal to the new X.
-fn new_directions(best: MatRef<'_, f64>, columns: usize, active: &[usize]) -> Result<Mat<f64>, SpectrumError> {
+fn new_directions(
+    best: MatRef<'_, f64>,
+    columns: usize,
+    active: &[usize],
+) -> Result<Mat<f64>, SpectrumError> {
     let gained =
         Mat::from_fn(best.nrows(), active.len(), |i, k| if i < columns { 0.0 } else { best[(i, active[k])] });
     orthonormalize_small(gained, best)
@@ -191,7 +196,12 @@ pub fn probe(
         progress.checkpoint()?;
         // x − M A x damps what is far above the shift; adding M σ x keeps what is below
         sparse_product(&mut product, &problem.matrix, &probe);
-        add_product(&mut product, -(1.0 / preconditioner.t), &probe, Mat::<f64>::identity(VECTORS, VECTORS).as_ref());
+        add_product(
+            &mut product,
+            -(1.0 / preconditioner.t),
+            &probe,
+            Mat::<f64>::identity(VECTORS, VECTORS).as_ref(),
+        );
         preconditioner.apply(&mut product);
         std::mem::swap(&mut probe, &mut product);
         problem.project_out_null(&mut probe);

@@ -59,7 +59,9 @@ pub enum SpectrumError {
         order: usize,
     },
     /// The iteration ended short of the tolerance.
-    #[error("the eigensolver reached a residual of {reached:e} instead of {tolerance:e} after {iterations} iterations")]
+    #[error(
+        "the eigensolver reached a residual of {reached:e} instead of {tolerance:e} after {iterations} iterations"
+    )]
     NotConverged {
         /// Largest relative residual of the wanted pairs.
         reached: f64,

@@ -42,8 +42,9 @@ pub fn nested_dissection<'a>(matrix: &SymmetricSparse, position: impl Fn(u32) ->
         for &i in &right {
             right_of[i as usize] = splits;
         }
-        let (separator, mut left): (Vec<u32>, Vec<u32>) =
-            part.into_iter().partition(|&i| matrix.neighbors(i as usize).any(|j| right_of[j as usize] == splits));
+        let (separator, mut left): (Vec<u32>, Vec<u32>) = part
+            .into_iter()
+            .partition(|&i| matrix.neighbors(i as usize).any(|j| right_of[j as usize] == splits));
         if left.is_empty() {
             // everything touches: a clique; any order fills alike
             order.extend(right);

@@ -30,8 +30,10 @@ fn normalizer(gram: MatRef<'_, f64>) -> Result<(Mat<f64>, Mat<f64>), SpectrumErr
     let largest = values.last().copied().unwrap_or(0.0);
     let kept: Vec<usize> =
         (0..columns).rev().filter(|&k| values[k] > RANK_TOLERANCE * largest && values[k] > 0.0).collect();
-    let m = Mat::from_fn(columns, kept.len(), |i, k| inverse[i] * vectors[(i, kept[k])] / values[kept[k]].sqrt());
-    let r = Mat::from_fn(kept.len(), columns, |k, j| values[kept[k]].sqrt() * vectors[(j, kept[k])] * lengths[j]);
+    let m =
+        Mat::from_fn(columns, kept.len(), |i, k| inverse[i] * vectors[(i, kept[k])] / values[kept[k]].sqrt());
+    let r =
+        Mat::from_fn(kept.len(), columns, |k, j| values[kept[k]].sqrt() * vectors[(j, kept[k])] * lengths[j]);
     Ok((m, r))
 }
 

@@ -92,16 +92,20 @@ impl Problem {
         let tasks: Vec<usize> = (0..block.rows()).step_by(ROWS_PER_TASK).collect();
         let partial: Vec<Vec<f64>> = tasks
             .into_par_iter()
-            .fold_chunks(self.tasks_per_sum(), || vec![0.0; zero_modes * width], |mut sums, first| {
-                for i in first..block.rows().min(first + ROWS_PER_TASK) {
-                    let entry = self.null_entry(i);
-                    let start = self.components.label[i] as usize * width;
-                    for (sum, x) in sums[start..start + width].iter_mut().zip(block.row(i)) {
-                        *sum += entry * x;
+            .fold_chunks(
+                self.tasks_per_sum(),
+                || vec![0.0; zero_modes * width],
+                |mut sums, first| {
+                    for i in first..block.rows().min(first + ROWS_PER_TASK) {
+                        let entry = self.null_entry(i);
+                        let start = self.components.label[i] as usize * width;
+                        for (sum, x) in sums[start..start + width].iter_mut().zip(block.row(i)) {
+                            *sum += entry * x;
+                        }
                     }
-                }
-                sums
-            })
+                    sums
+                },
+            )
             .collect();
         let mut total = vec![0.0; zero_modes * width];
         for sums in partial {

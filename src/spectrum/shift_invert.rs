@@ -237,8 +237,13 @@ mod tests {
             push(x + 1 < side, i + 1);
             push(y + 1 < side, i + side);
         };
-        let stiffness =
-            SymmetricSparse::stiffness(side * side, || (), weights, |_| Ok::<_, std::convert::Infallible>(())).unwrap();
+        let stiffness = SymmetricSparse::stiffness(
+            side * side,
+            || (),
+            weights,
+            |_| Ok::<_, std::convert::Infallible>(()),
+        )
+        .unwrap();
         Problem::new(LaplaceBeltrami { stiffness, mass: vec![1.0; side * side], heat_kernel: None })
     }
 
@@ -256,6 +261,9 @@ mod tests {
         for (found, exact) in pairs.values.iter().zip(&exact[1..]) {
             assert!((found - exact).abs() < 1e-9 * exact, "{found} {exact}");
         }
-        assert_eq!(symbolic.eigenvalues_below(&problem.matrix, 0.5 * (exact[40] + exact[41])).unwrap(), Some(41));
+        assert_eq!(
+            symbolic.eigenvalues_below(&problem.matrix, 0.5 * (exact[40] + exact[41])).unwrap(),
+            Some(41)
+        );
     }
 }

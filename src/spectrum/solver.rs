@@ -97,9 +97,8 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
     let direct = match request.narrow {
         None => Some(analyze(problem, &problem.matrix, request)?),
         Some(_) if problem.matrix.nonzeros() / n > 200 => None,
-        Some(_) => {
-            Some(analyze(problem, &problem.matrix, request)?).filter(|s| s.factor_entries() / n <= DIRECT_ENTRIES_PER_ROW)
-        }
+        Some(_) => Some(analyze(problem, &problem.matrix, request)?)
+            .filter(|s| s.factor_entries() / n <= DIRECT_ENTRIES_PER_ROW),
     };
     match (direct, request.narrow) {
         (Some(symbolic), _) => direct_solve(problem, &symbolic, request, progress),
@@ -174,7 +173,9 @@ fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
     let preconditioner =
         Preconditioner { factor: &factor, t: request.heat_kernel.map_or(0.0, |kernel| kernel.t) };
     let mut pairs =
-        lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, |share| 0.3 + 0.7 * share)?;
+        lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, |share| {
+            0.3 + 0.7 * share
+        })?;
     progress.enter(Phase::Certificates)?;
     let missed = missed_by_probe(problem, &preconditioner, &pairs, wanted, progress)?;
     pairs.values.truncate(wanted);

@@ -14,7 +14,7 @@ pub struct BasisValues {
     /// Its place in the spectrum, from 0.
     pub index: usize,
     /// λ in 1/length².
-    pub eigenvalue: f64,
+    pub eigenvalue: Option<f64>,
     /// μ, the eigenvalue of the matrix pencil.
     pub raw_eigenvalue: f64,
     /// Relative residual.
@@ -202,12 +202,12 @@ async fn clear_result(connection: &mut SqliteConnection, job: Uuid) -> Result<()
 }
 
 fn check_basis(basis: &BasisValues, points: u64) -> Result<(), StoreError> {
-    let scalars = [basis.eigenvalue, basis.raw_eigenvalue, basis.residual];
+    let scalars = [basis.eigenvalue.unwrap_or(0.0), basis.raw_eigenvalue, basis.residual];
     if scalars.iter().all(|x| x.is_finite()) && basis.values.len() as u64 == points {
         return Ok(());
     }
     Err(StoreError::Damaged(format!(
-        "basis {} has {} values for {points} points, eigenvalues {} and {}, residual {}",
+        "basis {} has {} values for {points} points, eigenvalues {:?} and {}, residual {}",
         basis.index,
         basis.values.len(),
         basis.eigenvalue,

@@ -114,7 +114,7 @@ async fn a_basis_that_does_not_fit_the_cloud_or_is_no_number_is_refused() {
     let store = stage.open().await;
     let claim = claimed(&store, 30, 2).await;
     let short = basis_values(29, 0);
-    let infinite = BasisValues { eigenvalue: f64::INFINITY, ..basis_values(30, 0) };
+    let infinite = BasisValues { eigenvalue: Some(f64::INFINITY), ..basis_values(30, 0) };
     let unknown = BasisValues { residual: f64::NAN, ..basis_values(30, 0) };
     for basis in [short, infinite, unknown] {
         assert!(matches!(store.put_bases(&claim, vec![basis]).await, Err(StoreError::Damaged(_))));

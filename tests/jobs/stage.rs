@@ -5,8 +5,10 @@ use std::sync::atomic::{AtomicI64, Ordering};
 
 use chladni::analysis::{JobKind, Parameters, Report, SparseMatrix};
 use chladni::cloud::{NonFinite, PointCloud};
+use chladni::geometry::Sampling;
+use chladni::operator::OperatorKind;
 use chladni::progress::Phase;
-use chladni::spectrum::Spectrum;
+use chladni::spectrum::{Certificates, Method, MissedCheck, Spectrum};
 use chladni::store::{
     ArrayName, BasisValues, Claim, Clock, JobRecord, JobState, Milliseconds, Numbers, Store, StoreError,
     StoreSettings, Vitals,
@@ -98,16 +100,43 @@ pub(crate) async fn submit(store: &Store, cloud: &PointCloud, bases: usize) -> J
 pub(crate) fn report(points: usize, bases: usize) -> Report {
     let list = |scale: f64| (0..bases).map(|j| j as f64 * scale).collect::<Vec<f64>>();
     Report {
+        operator: OperatorKind::Voronoi,
         rows: points,
+        dimension: 3,
         points_used: points,
         duplicates: 0,
         nonfinite: 0,
+        isolated: 0,
+        components: 1,
+        sampling: Sampling {
+            epsilon: 0.5,
+            zeta: 0.1,
+            spacing: 0.3,
+            density_ratio: 2.0,
+            area: 4.0,
+            rim_cells: 0,
+            invalid_cells: 0,
+        },
+        heat_kernel: None,
+        additions: parameters(bases).additions(),
+        nonzeros: 7 * points,
+        neighbors: 6.0,
         warnings: vec!["made up".to_owned()],
         spectrum: Some(Spectrum {
-            eigenvalues: list(1.1),
+            eigenvalues: list(1.1).into_iter().map(Some).collect(),
             raw_eigenvalues: list(1.0),
             residuals: list(1e-9),
             clusters: Vec::new(),
+            components: 1,
+            certificates: Certificates {
+                orthogonality: 1e-14,
+                residual: 1e-9,
+                zero_modes: 1,
+                missed: Some(0),
+                missed_check: MissedCheck::Inertia,
+                saturation: None,
+            },
+            method: Method::ShiftInvert,
         }),
     }
 }
@@ -136,7 +165,7 @@ pub(crate) fn vitals() -> Vitals {
 pub(crate) fn basis_values(n: usize, j: usize) -> BasisValues {
     BasisValues {
         index: j,
-        eigenvalue: j as f64 * 1.1,
+        eigenvalue: Some(j as f64 * 1.1),
         raw_eigenvalue: j as f64,
         residual: j as f64 * 1e-9,
         values: basis(n, j),

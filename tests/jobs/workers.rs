@@ -38,8 +38,8 @@ impl Results for Made {
         basis(self.n, j)
     }
 
-    fn matrix(&self) -> SparseMatrix {
-        matrix(self.n)
+    fn matrix(&self) -> Option<SparseMatrix> {
+        Some(matrix(self.n))
     }
 }
 

@@ -1,0 +1,99 @@
+//! What an analysis says about itself.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::{Additions, COMPONENT_MIN};
+use crate::geometry::Sampling;
+use crate::operator::{HeatKernel, OperatorKind};
+use crate::spectrum::Spectrum;
+
+/// What an analysis found out, without its arrays. Serialised as it is shown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Report {
+    /// The operator.
+    pub operator: OperatorKind,
+    /// Rows of the upload.
+    pub rows: usize,
+    /// Ambient dimension d.
+    pub dimension: usize,
+    /// Points that the operator is built on.
+    pub points_used: usize,
+    /// Rows that repeat an earlier row's position.
+    pub duplicates: usize,
+    /// Rows with a non-finite coordinate.
+    pub nonfinite: usize,
+    /// Points in components too small to analyse; they carry no result.
+    pub isolated: usize,
+    /// Connected components of the operator's graph.
+    pub components: usize,
+    /// Density and evenness of the sampling.
+    pub sampling: Sampling,
+    /// t and δ; absent for operators without a heat kernel.
+    pub heat_kernel: Option<HeatKernel>,
+    /// Additions to the paper's operator, as in force.
+    pub additions: Additions,
+    /// Stored entries of the stiffness matrix.
+    pub nonzeros: usize,
+    /// Mean number of coupled neighbours per point.
+    pub neighbors: f64,
+    /// What the caller should know before trusting the result.
+    pub warnings: Vec<String>,
+    /// Present for eigen jobs.
+    pub spectrum: Option<Spectrum>,
+}
+
+/// Share of invalid cells, largest tμ, and ratio of densities from which on the caller is warned.
+const INVALID_SHARE_WARNED: f64 = 0.05;
+const SATURATION_WARNED: f64 = 0.5;
+const DENSITY_RATIO_WARNED: f64 = 50.0;
+
+impl Report {
+    /// Says what the sampling leaves doubtful.
+    pub(super) fn warn_of_sampling(&mut self) {
+        let sampling = &self.sampling;
+        if sampling.invalid_cells as f64 > INVALID_SHARE_WARNED * self.points_used as f64 {
+            self.warnings.push(format!(
+                "{} of {} Voronoi cells could not be measured and were given the mean area",
+                sampling.invalid_cells, self.points_used
+            ));
+        }
+        if sampling.density_ratio > DENSITY_RATIO_WARNED {
+            self.warnings.push(format!(
+            "the densest parts are {:.0} times as dense as the sparsest: one t for the whole cloud is a compromise",
+            sampling.density_ratio
+        ));
+        }
+        if self.isolated > 0 {
+            self.warnings.push(format!(
+                "{} points lie in components of fewer than {COMPONENT_MIN} points and carry no result",
+                self.isolated
+            ));
+        }
+    }
+
+    /// Says what the certificates leave doubtful.
+    pub(super) fn warn_of_spectrum(&mut self, tolerance: f64) {
+        let Some(spectrum) = &self.spectrum else { return };
+        let certificates = &spectrum.certificates;
+        if let Some(saturation) = certificates.saturation.filter(|&s| s > SATURATION_WARNED) {
+            self.warnings.push(format!(
+            "t·μ reaches {saturation:.2}: the last eigenvalues are near the heat kernel's limit 1/t and carry little \
+             information; ask for fewer bases or a smaller t"
+        ));
+        }
+        if certificates.missed.is_some_and(|missed| missed > 0) {
+            self.warnings
+                .push("the check found eigenvalues below the last one that were not returned".into());
+        }
+        if certificates.missed.is_none() {
+            self.warnings.push("whether an eigenvalue was missed could not be checked".into());
+        }
+        if certificates.residual > tolerance {
+            self.warnings.push(format!(
+                "the largest residual is {:.1e}, above the tolerance {:.1e}",
+                certificates.residual, tolerance
+            ));
+        }
+    }
+}
