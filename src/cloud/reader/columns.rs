@@ -113,6 +113,17 @@ impl Columns {
         Ok(())
     }
 
+    /// Refuses `points` beyond the limit, then makes them, at 0: the pages come zeroed from the system and are
+    /// touched only once, when they are filled.
+    pub(super) fn zeroed(&mut self, points: usize) -> Result<(), ReadError> {
+        self.limits.points(points)?;
+        self.coordinates = vec![0.0; points * self.dimension];
+        for field in &mut self.fields {
+            field.values = vec![0.0; points];
+        }
+        Ok(())
+    }
+
     /// Adds a point. The row has one value per target.
     pub(super) fn push(&mut self, row: &[f64]) -> Result<(), ReadError> {
         let start = self.coordinates.len();

@@ -31,17 +31,13 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let kind = header.number.scalar_type();
     let names: Vec<Column> = (0..width).map(|i| Column { kind, ..Column::unnamed(i) }).collect();
     let mut columns = Columns::leading(&names, dimension, &options.limits)?;
-    columns.reserve(rows)?;
+    columns.zeroed(rows)?;
     fill(&mut columns, block, &header);
     columns.into_cloud(Vec::new(), options)
 }
 
 fn fill(columns: &mut Columns, block: &[u8], header: &Header) {
     let size = header.number.size();
-    columns.coordinates.resize(header.rows * columns.dimension, 0.0);
-    for field in &mut columns.fields {
-        field.values.resize(header.rows, 0.0);
-    }
     for (index, target) in columns.targets.iter().enumerate() {
         let (column, stride, offset) = if header.is_fortran {
             (&block[index * header.rows * size..][..header.rows * size], size, 0)

@@ -21,7 +21,6 @@ pub(super) fn read(bytes: &[u8], header: &Header, order: ByteOrder, ply: &mut Pl
         cursor.check_count(element)?;
         if element.name == "vertex" && !vertices_are_read {
             vertices_are_read = true;
-            ply.columns.reserve(element.count)?;
             match element.stride() {
                 Some(stride) => read_fixed_vertices(element, stride, &mut cursor, ply)?,
                 None => read_vertices(element, &mut cursor, ply)?,
@@ -49,10 +48,7 @@ fn read_fixed_vertices(
 ) -> Result<(), ReadError> {
     let block = cursor.take(stride * element.count, element, 0)?;
     let columns = &mut ply.columns;
-    columns.coordinates.resize(element.count * columns.dimension, 0.0);
-    for field in &mut columns.fields {
-        field.values.resize(element.count, 0.0);
-    }
+    columns.zeroed(element.count)?;
     for (index, rows) in block.chunks(BLOCK_ROWS * stride).enumerate() {
         let first = index * BLOCK_ROWS;
         let mut offset = 0;
@@ -77,6 +73,7 @@ fn read_fixed_vertices(
 }
 
 fn read_vertices(element: &Element, cursor: &mut Cursor<'_>, ply: &mut Ply) -> Result<(), ReadError> {
+    ply.columns.reserve(element.count)?;
     let mut values = Vec::with_capacity(element.properties.len());
     for row in 0..element.count {
         values.clear();
