@@ -127,8 +127,9 @@ pub(crate) struct JobView {
     /// When it ended, RFC 3339.
     #[schema(format = DateTime)]
     finished: Option<String>,
-    /// Seconds spent in each phase of the last attempt.
-    phase_seconds: BTreeMap<String, f64>,
+    /// Seconds spent in each phase of the last attempt, in order.
+    #[schema(value_type = BTreeMap<String, f64>)]
+    phase_seconds: Map<String, Value>,
     /// Where its results and its cloud are.
     links: BTreeMap<&'static str, String>,
 }
@@ -153,7 +154,11 @@ impl JobView {
             created: timestamp(job.created),
             started: job.started.map(timestamp),
             finished: job.finished.map(timestamp),
-            phase_seconds: job.phase_seconds.iter().map(|(phase, s)| (phase.name().to_owned(), *s)).collect(),
+            phase_seconds: job
+                .phase_seconds
+                .iter()
+                .map(|(phase, s)| (phase.name().to_owned(), Value::from(*s)))
+                .collect(),
             links: links(job),
         }
     }
