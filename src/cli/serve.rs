@@ -1,5 +1,7 @@
 //! `chladni serve`: the service, until it is told to stop.
 
+use std::io::IsTerminal;
+
 use chladni::app::{App, Settings, StartError, told_to_stop};
 use tracing_subscriber::EnvFilter;
 
@@ -24,7 +26,8 @@ pub(crate) enum ServeError {
 /// One line per request and event; `CHLADNI_LOG` takes filters such as `debug` or `chladni::jobs=trace`.
 fn log_to_stderr() {
     let filter = EnvFilter::try_from_env("CHLADNI_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let colored = std::io::stderr().is_terminal();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colored).init();
 }
 
 /// Serves until SIGTERM or Ctrl-C.
