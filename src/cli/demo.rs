@@ -85,18 +85,23 @@ pub(crate) enum DemoError {
 pub(crate) async fn run(args: DemoArgs) -> Result<(), DemoError> {
     let directory = Directory::open(args.directory.clone())?;
     let app = start(&args, &directory.path).await?;
-    let shown = show(&app, &args).await;
-    let stayed = match &shown {
-        Ok(()) if !args.exit => {
-            eprintln!("\nServing on http://{}; Ctrl-C ends it.", app.address());
-            told_to_stop().await
-        }
-        _ => Ok(()),
+    let outcome = tokio::select! {
+        shown = show_and_stay(&app, &args) => shown,
+        told = told_to_stop() => told.map_err(DemoError::from),
     };
     app.shutdown().await;
     drop(directory);
-    shown?;
-    Ok(stayed?)
+    outcome
+}
+
+/// Shows everything, then waits for ever unless the demo is to exit.
+async fn show_and_stay(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
+    show(app, args).await?;
+    if !args.exit {
+        eprintln!("\nServing on http://{}; Ctrl-C ends it.", app.address());
+        std::future::pending::<()>().await;
+    }
+    Ok(())
 }
 
 /// A directory that is removed at the end if it was made for the demo.

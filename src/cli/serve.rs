@@ -1,6 +1,9 @@
 //! `chladni serve`: the service, until it is told to stop.
 
+use std::io::IsTerminal;
+
 use chladni::app::{App, Settings, StartError, told_to_stop};
+use tracing_subscriber::EnvFilter;
 
 /// Serve the HTTP interface.
 #[derive(Debug, clap::Args)]
@@ -20,12 +23,20 @@ pub(crate) enum ServeError {
     Signals(#[from] std::io::Error),
 }
 
+/// One line per request and event; `CHLADNI_LOG` takes filters such as `debug` or `chladni::jobs=trace`.
+fn log_to_stderr() {
+    let filter = EnvFilter::try_from_env("CHLADNI_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    let colored = std::io::stderr().is_terminal();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colored).init();
+}
+
 /// Serves until SIGTERM or Ctrl-C.
 ///
 /// # Errors
 /// [`ServeError`].
 #[allow(clippy::print_stdout)] // the address is the command's output
 pub(crate) async fn run(args: ServeArgs) -> Result<(), ServeError> {
+    log_to_stderr();
     let app = App::start(args.settings).await?;
     let address = app.address();
     println!("chladni serves http://{address}   try: curl -T scan.ply 'http://{address}/clouds?bases=50'");

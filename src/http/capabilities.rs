@@ -11,6 +11,7 @@ use super::query::{Accepts, Argument};
 use super::submission::UPLOAD;
 use super::{Shared, bases, jobs, points};
 use crate::cloud::reader::Format;
+use crate::operator::OperatorKind;
 
 /// What the service can do, and how much of it.
 #[derive(Debug, Serialize, ToSchema)]
@@ -97,7 +98,7 @@ impl From<&Argument> for ParameterView {
     fn from(argument: &Argument) -> Self {
         let kind = match argument.accepts {
             Accepts::Integer(..) => "integer",
-            Accepts::Positive | Accepts::Between(..) => "number",
+            Accepts::Positive | Accepts::Range(..) => "number",
             Accepts::Switch => "boolean",
             Accepts::Word(_) | Accepts::Id => "string",
         };
@@ -120,10 +121,6 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
     let offered = |offers: &[super::accept::Offer]| {
         offers.iter().map(|offer| FormatView { name: offer.name, media_type: offer.media_type() }).collect()
     };
-    let operators = match PARAMETERS[0].accepts {
-        Accepts::Word(words) => words.to_vec(),
-        _ => Vec::new(),
-    };
     Json(Capabilities {
         formats: Formats {
             upload: Format::ALL
@@ -133,7 +130,7 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
             points: offered(&points::OFFERS),
             bases: offered(&bases::OFFERS),
         },
-        operators,
+        operators: OperatorKind::ALL.iter().map(|kind| kind.name()).collect(),
         parameters: KIND
             .iter()
             .chain(PARAMETERS)

@@ -4,7 +4,6 @@ use axum::Json;
 use axum::extract::{Path, State};
 use axum::http::{StatusCode, Uri};
 use serde::Serialize;
-use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
 use uuid::Uuid;
@@ -13,6 +12,7 @@ use super::jobs::{Nothing, PAGE_DEFAULT, PAGING};
 use super::problem::{Problem, ProblemDocument};
 use super::query::arguments;
 use super::{Shared, parse_id, timestamp};
+use crate::geometry::Sampling;
 use crate::store::{CloudRecord, FieldRecord, JobState, Page, Store};
 
 arguments!(
@@ -70,8 +70,7 @@ pub(crate) struct CloudView {
     /// Rows that carry a result of their own; before the first successful job, those finite and not repeated.
     points_used: u64,
     /// Covering radius ε, spacing and density, as the latest successful job found them; null before.
-    #[schema(value_type = Option<Object>)]
-    sampling: Option<Map<String, Value>>,
+    sampling: Option<Sampling>,
 }
 
 impl From<&CloudRecord> for CloudSummary {
@@ -111,10 +110,7 @@ impl CloudView {
             Some(report) => report.points_used as u64,
             None => cloud.points - cloud.nonfinite - cloud.duplicates,
         };
-        let report =
-            report.map(serde_json::to_value).transpose().map_err(|error| Problem::internal(&error))?;
-        let sampling = report.and_then(|report| report.get("sampling").and_then(Value::as_object).cloned());
-        Ok(Self { summary: cloud.into(), points_used, sampling })
+        Ok(Self { summary: cloud.into(), points_used, sampling: report.map(|report| report.sampling) })
     }
 }
 

@@ -28,17 +28,6 @@ pub(crate) const WAIT_SECONDS_MAX: u64 = 60;
 /// Share of the work below which no end is foretold.
 const FORESEEABLE_FROM: f64 = 0.02;
 
-/// Parameters that an analysis derives from the cloud, and where its report has them.
-const DERIVED: [(&str, &str); 7] = [
-    ("t", "/heat_kernel/t"),
-    ("delta", "/heat_kernel/delta"),
-    ("epsilon", "/sampling/epsilon"),
-    ("isometric_cells", "/additions/isometric_cells"),
-    ("truncation_compensation", "/additions/truncation_compensation"),
-    ("sheet_aware", "/additions/sheet_aware"),
-    ("heat_correction", "/additions/heat_correction"),
-];
-
 /// Longest page of a listing.
 pub(crate) const PAGE_MAX: u64 = 200;
 /// Page of a listing when nothing is said.
@@ -138,8 +127,9 @@ pub(crate) struct JobView {
     /// When it ended, RFC 3339.
     #[schema(format = DateTime)]
     finished: Option<String>,
-    /// Seconds spent in each phase of the last attempt.
-    phase_seconds: BTreeMap<String, f64>,
+    /// Seconds spent in each phase of the last attempt, in order.
+    #[schema(value_type = BTreeMap<String, f64>)]
+    phase_seconds: Map<String, Value>,
     /// Where its results and its cloud are.
     links: BTreeMap<&'static str, String>,
 }
@@ -164,7 +154,11 @@ impl JobView {
             created: timestamp(job.created),
             started: job.started.map(timestamp),
             finished: job.finished.map(timestamp),
-            phase_seconds: job.phase_seconds.iter().map(|(phase, s)| (phase.name().to_owned(), *s)).collect(),
+            phase_seconds: job
+                .phase_seconds
+                .iter()
+                .map(|(phase, s)| (phase.name().to_owned(), Value::from(*s)))
+                .collect(),
             links: links(job),
         }
     }
@@ -181,19 +175,20 @@ fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> 
 
 /// Those submitted, overlaid with those that the analysis derived from the cloud.
 fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
-    let object = |value: serde_json::Result<Value>| match value {
-        Ok(Value::Object(object)) => object,
-        _ => Map::new(),
-    };
-    let mut parameters = object(serde_json::to_value(&job.parameters));
-    let Some(report) = &job.report else { return parameters };
-    let report = Value::Object(object(serde_json::to_value(report)));
-    for (name, path) in DERIVED {
-        if let Some(value) = report.pointer(path).filter(|value| !value.is_null()) {
-            parameters.insert(name.to_owned(), value.clone());
-        }
+    let mut used = job.parameters.clone();
+    if let Some(report) = &job.report {
+        used.epsilon = Some(report.sampling.epsilon);
+        used.t = report.heat_kernel.map(|kernel| kernel.t);
+        used.delta = report.heat_kernel.map(|kernel| kernel.delta);
+        used.isometric_cells = Some(report.additions.isometric_cells);
+        used.truncation_compensation = Some(report.additions.truncation_compensation);
+        used.sheet_aware = Some(report.additions.sheet_aware);
+        used.heat_correction = Some(report.additions.heat_correction);
     }
-    parameters
+    match serde_json::to_value(&used) {
+        Ok(Value::Object(used)) => used,
+        _ => Map::new(),
+    }
 }
 
 fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {

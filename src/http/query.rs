@@ -25,8 +25,8 @@ pub(crate) enum Accepts {
     Integer(u64, u64),
     /// A finite number above zero.
     Positive,
-    /// A finite number strictly between the two.
-    Between(f64, f64),
+    /// A number in a closed range.
+    Range(f64, f64),
     /// `true` or `false`; in a query, the bare name means `true`.
     Switch,
     /// One of these words.
@@ -54,7 +54,7 @@ impl Accepts {
     fn read(self, text: &str) -> Option<Value> {
         let value = match self {
             Self::Integer(..) => u64::from_str(text).ok()?.into(),
-            Self::Positive | Self::Between(..) => f64::from_str(text).ok()?.into(),
+            Self::Positive | Self::Range(..) => f64::from_str(text).ok()?.into(),
             Self::Switch => match text {
                 "true" | "1" | "" => true.into(),
                 "false" | "0" => false.into(),
@@ -70,7 +70,7 @@ impl Accepts {
         match self {
             Self::Integer(least, most) => value.as_u64().is_some_and(|x| (least..=most).contains(&x)),
             Self::Positive => value.as_f64().is_some_and(|x| x > 0.0 && x.is_finite()),
-            Self::Between(low, high) => value.as_f64().is_some_and(|x| x > low && x < high),
+            Self::Range(low, high) => value.as_f64().is_some_and(|x| (low..=high).contains(&x)),
             Self::Switch => value.is_boolean(),
             Self::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
             Self::Id => value.as_str().is_some_and(|text| Uuid::from_str(text).is_ok()),
@@ -84,7 +84,7 @@ impl Accepts {
             Self::Integer(least, u64::MAX) => format!("a whole number from {least}"),
             Self::Integer(least, most) => format!("a whole number from {least} to {most}"),
             Self::Positive => "a number above 0".to_owned(),
-            Self::Between(low, high) => format!("a number above {low} and below {high}"),
+            Self::Range(low, high) => format!("a number from {low:e} to {high:e}"),
             Self::Switch => "true or false".to_owned(),
             Self::Word(words) => format!("one of {}", words.join(", ")),
             Self::Id => "a UUID".to_owned(),
@@ -101,11 +101,9 @@ impl Accepts {
                 if most == u64::MAX { object.build() } else { object.maximum(Some(most as f64)).build() }
             }
             Self::Positive => object.schema_type(Type::Number).exclusive_minimum(Some(0.0)).build(),
-            Self::Between(low, high) => object
-                .schema_type(Type::Number)
-                .exclusive_minimum(Some(low))
-                .exclusive_maximum(Some(high))
-                .build(),
+            Self::Range(low, high) => {
+                object.schema_type(Type::Number).minimum(Some(low)).maximum(Some(high)).build()
+            }
             Self::Switch => object.schema_type(Type::Boolean).build(),
             Self::Word(words) => {
                 object.schema_type(Type::String).enum_values(Some(words.iter().copied())).build()

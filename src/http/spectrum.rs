@@ -101,15 +101,10 @@ fn csv(spectrum: &Spectrum) -> String {
     let mut text = String::from("index,eigenvalue,raw_eigenvalue,residual,frequency\n");
     let rows = spectrum.eigenvalues.iter().zip(&spectrum.raw_eigenvalues).zip(&spectrum.residuals);
     for (index, ((eigenvalue, raw), residual)) in rows.enumerate() {
-        let eigenvalue = number(*eigenvalue);
+        let eigenvalue = eigenvalue.unwrap_or(f64::NAN);
         let frequency = if eigenvalue < 0.0 { 0.0 } else { eigenvalue.sqrt() };
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{index},{eigenvalue:?},{raw:?},{residual:?},{frequency:?}");
     }
     text
-}
-
-/// NaN for a number that is absent.
-fn number(value: impl Into<Option<f64>>) -> f64 {
-    value.into().unwrap_or(f64::NAN)
 }

@@ -146,7 +146,7 @@ fn schema_names(text: &str) -> Vec<String> {
         if let Some(rest) = line.strip_prefix("#[schema(as = ") {
             renamed = rest.split([',', ')']).next().map(str::to_owned);
         }
-        let declared = line.strip_prefix("pub ").unwrap_or(line);
+        let declared = line.strip_prefix("pub ").or_else(|| line.strip_prefix("pub(crate) ")).unwrap_or(line);
         let declared = declared.strip_prefix("struct ").or_else(|| declared.strip_prefix("enum "));
         if let Some(declared) = declared {
             let name = declared.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();

@@ -119,7 +119,7 @@ async fn a_value_that_is_not_accepted_is_refused_with_those_that_are() {
         ("bases=ten", "bases", "whole number"),
         ("operator=laplace", "operator", "pb-mhb, voronoi"),
         ("kind=both", "kind", "eigen, operator"),
-        ("tol=-1", "tolerance", "above 0"),
+        ("tol=-1", "tolerance", "1e-12 to 1e-1"),
         ("t=0", "t", "above 0"),
         ("paper=perhaps", "paper", "true or false"),
         ("format=stl", "format", "ply, obj"),
