@@ -16,7 +16,10 @@ const ROOMS: [(&str, &[&str]); 12] = [
     ("analysis", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("store", &["analysis", "spectrum", "operator", "cloud", "progress"]),
     ("jobs", &["store", "analysis", "spectrum", "operator", "cloud", "progress"]),
-    ("http", &["jobs", "store", "harmonics", "analysis", "spectrum", "operator", "geometry", "cloud", "progress"]),
+    (
+        "http",
+        &["jobs", "store", "harmonics", "analysis", "spectrum", "operator", "geometry", "cloud", "progress"],
+    ),
     ("app", &["http", "jobs", "store", "analysis", "cloud", "progress"]),
     ("cli", &["app", "analysis", "operator", "cloud", "progress"]),
 ];

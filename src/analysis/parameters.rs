@@ -127,6 +127,7 @@ impl Parameters {
 
 /// What we add to the paper's operator, as in force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[allow(clippy::struct_excessive_bools)] // four independent switches
 pub struct Additions {
     /// Scale projected neighbours back to their true distance before cells are clipped; measure rim cells.
     pub isometric_cells: bool,

@@ -221,7 +221,7 @@ impl Clipper<'_> {
             carry(previous, along_before, before_length);
             carry(corner.edge, along_after, after_length);
         }
-        if !(area > 0.0) || (missing && !self.options.clip_rims) {
+        if area.is_nan() || area <= 0.0 || (missing && !self.options.clip_rims) {
             return Cell {
                 area: 0.0,
                 radius: 0.0,

@@ -5,12 +5,15 @@ use super::{HeatKernel, LaplaceBeltrami, heat_kernel};
 use crate::geometry::{Cells, Points, SearchTree};
 use crate::progress::{Canceled, Progress};
 
-/// Default `t/ε²`: between 0.35 (coarse clouds, thin parts) and 1.5 (iid-random sampling), see [`crate::analysis`].
-pub const T_FACTOR: f64 = 0.7;
+/// Default `t/ε²`: between 0.35 (coarse clouds, thin parts) and 1.5 (iid-random sampling).
+///
+/// Worst relative error of the first eigenvalues at 0.35, 0.5 and 0.7 (with `δ = 4√(2t)`): regular sphere of 4,000
+/// points 2.5, 0.27 and 0.19 %, iid-random sphere 4.0, 2.0 and 1.0 %; small ones suit thin parts.
+pub const T_FACTOR: f64 = 0.5;
 
-/// Default `δ/√(2t)`: with truncation compensation 3.5 comes near the result of 5 with half the neighbours; 3 is too
-/// coarse on regular clouds.
-pub const DELTA_FACTOR: f64 = 3.5;
+/// Default `δ/√(2t)`. On a regular sphere of 4,000 points with `t = 0.7ε²` the worst error of 25 eigenvalues is
+/// 0.59 % with 3.5 and 25 neighbours a row, 0.19 % with 4 and 35.
+pub const DELTA_FACTOR: f64 = 4.0;
 
 /// Default `δ/√(2t)` of the paper's own operator, which has no compensation: the share of the second moment lost is
 /// `exp(−12.5)·13.5`, 5·10⁻⁵.

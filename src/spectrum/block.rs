@@ -44,6 +44,9 @@ impl Block {
     }
 
     /// Uses the first `columns` columns; those that come into use keep what the buffer holds.
+    ///
+    /// # Panics
+    /// When the buffer is narrower.
     pub fn set_columns(&mut self, columns: usize) {
         assert!(columns <= self.width, "a block of width {} cannot hold {columns} columns", self.width);
         self.columns = columns;

@@ -85,7 +85,7 @@ impl Symbolic {
             .map_err(|error| SpectrumError::Factorization(format!("not positive definite: {error:?}")))?;
         let cholesky = Cholesky { symbolic: &self.symbolic, factor };
         let relative = probe(matrix, shift, |x| cholesky.solve_columns(x));
-        if !(relative <= PROBE_MAX) {
+        if relative.is_nan() || relative > PROBE_MAX {
             return Err(SpectrumError::Factorization(format!("the probe |Ax−b|/|b| is {relative:e}")));
         }
         Ok(cholesky)

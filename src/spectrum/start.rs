@@ -2,7 +2,7 @@
 
 use super::block::Block;
 
-/// A number in [−1, 1) from a hash of point and column (the finaliser of SplitMix64).
+/// A number in [−1, 1) from a hash of point and column (the finaliser of `SplitMix64`).
 #[must_use]
 pub fn hashed(point: usize, column: usize) -> f64 {
     let mut z = (point as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)
