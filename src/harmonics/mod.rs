@@ -1,1 +1,3 @@
-//! harmonics
+//! What the eigenbasis of a surface is good for; needs eigenpairs only.
+
+pub mod heat_trace;

@@ -14,6 +14,8 @@ use super::accept::{self, CSV, JSON, Offer};
 use super::problem::{self, Kind, Problem, ProblemDocument};
 use super::query::{Accepts, Argument, arguments};
 use super::{Service, Shared, parse_id};
+use crate::analysis::Report;
+use crate::harmonics::heat_trace;
 use crate::spectrum::Spectrum;
 use crate::store::JobRecord;
 
@@ -40,9 +42,35 @@ pub(crate) struct SpectrumView {
     job_id: Uuid,
     /// The cloud it analysed.
     cloud_id: Uuid,
+    /// Area of the surface, measured in two ways.
+    area: AreaView,
     /// The spectrum.
     #[serde(flatten)]
     spectrum: Spectrum,
+}
+
+/// Areas in the cloud's unit of length, squared.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct AreaView {
+    /// Sum of the Voronoi cells.
+    cells: Option<f64>,
+    /// From the heat trace of the eigenvalues; null for fewer than 10 of them.
+    heat_trace: Option<f64>,
+    /// Of the heat trace's value: its distance to the fit of one order less.
+    uncertainty: Option<f64>,
+}
+
+impl AreaView {
+    fn new(report: Option<&Report>, spectrum: &Spectrum) -> Self {
+        // values from the first absent one on say nothing
+        let known: Vec<f64> = spectrum.eigenvalues.iter().map_while(|&lambda| lambda).collect();
+        let estimate = heat_trace::area(&known);
+        Self {
+            cells: report.map(|report| report.sampling.area),
+            heat_trace: estimate.map(|estimate| estimate.area),
+            uncertainty: estimate.map(|estimate| estimate.uncertainty),
+        }
+    }
 }
 
 /// Eigenvalues, residuals, clusters and certificates.
@@ -75,7 +103,8 @@ pub(super) async fn respond(service: &Service, id: &str, offer: Offer) -> Result
     if offer == CSV {
         return Ok(([(header::CONTENT_TYPE, CSV.media_type())], csv(&spectrum)).into_response());
     }
-    Ok(Json(SpectrumView { job_id: job.id, cloud_id: job.cloud_id, spectrum }).into_response())
+    let area = AreaView::new(job.report.as_ref(), &spectrum);
+    Ok(Json(SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, spectrum }).into_response())
 }
 
 /// The spectrum of a job that has succeeded.
