@@ -15,7 +15,7 @@ const SWEEPS_MAX: usize = 1_000;
 
 /// An orthonormal basis of the tangent plane of every point.
 ///
-/// The handedness of each is arbitrary until [`Frames::orient`].
+/// The handedness of each is arbitrary until they are oriented along the surface ([`Frames::flip`]).
 #[derive(Debug, Clone)]
 pub struct Frames {
     dimension: usize,

@@ -27,7 +27,7 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// Takes the measures; [PBMHB] gives no estimator of ε, the quantile is ours.
+    /// Takes the measures; the paper gives no estimator of ε, the quantile is ours.
     #[must_use]
     pub fn measure(points: &Points, nearest: &NearestNeighbors, cells: &Cells) -> Self {
         let valid = |i: &usize| cells.kind[*i] != CellKind::Invalid;

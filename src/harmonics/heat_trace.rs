@@ -52,9 +52,11 @@ pub fn area(eigenvalues: &[f64]) -> Option<AreaEstimate> {
 }
 
 /// Constant term of the least-squares polynomial in `√τ`.
-fn intercept(times: &[f64], values: &[f64], degree: usize) -> Option<f64> {
+fn intercept(times: &[f64], values: &[f64], degree: u8) -> Option<f64> {
     let scale = times.last()?.sqrt();
-    let powers = DMatrix::from_fn(times.len(), degree + 1, |i, j| (times[i].sqrt() / scale).powi(j as i32));
+    let powers = DMatrix::from_fn(times.len(), usize::from(degree) + 1, |i, j| {
+        (times[i].sqrt() / scale).powf(j as f64)
+    });
     let fitted = powers.svd(true, true).solve(&DVector::from_column_slice(values), f64::EPSILON).ok()?;
     fitted.get(0).copied()
 }

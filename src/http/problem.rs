@@ -156,7 +156,7 @@ impl Kind {
     }
 }
 
-/// A problem on its way to the client; [`super::request`] completes it with the request's id.
+/// A problem on its way to the client; `super::request` completes it with the request's id.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem(Box<Content>);
 

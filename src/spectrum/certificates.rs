@@ -75,7 +75,7 @@ pub fn orthogonality(pairs: &Eigenpairs) -> f64 {
     (gram(&pairs.vectors, &pairs.vectors) - Mat::<f64>::identity(columns, columns)).norm_max()
 }
 
-/// Ranges `[first, last]` of consecutive values closer than [`CLUSTER_GAP`], relative to value plus `shift`.
+/// Ranges `[first, last]` of consecutive values closer than 10⁻⁶, relative to value plus `shift`.
 #[must_use]
 pub fn clusters(values: &[f64], shift: f64) -> Vec<[usize; 2]> {
     let mut found: Vec<[usize; 2]> = Vec::new();
