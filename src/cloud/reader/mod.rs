@@ -86,5 +86,3 @@ pub fn read(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Point
 
 #[cfg(test)]
 mod fuzz;
-#[cfg(test)]
-mod scans;
