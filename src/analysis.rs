@@ -58,6 +58,10 @@ const COMPONENT_MIN: usize = POINTS_MIN;
 /// Most neighbours within δ that a kernel may couple per point, on average.
 const COUPLED_MAX: usize = 2_000;
 
+/// Third over second principal variance of the neighbourhoods from which on the caller is warned. Noise of half a
+/// spacing gives about 0.15, a volume more than 0.5.
+const THICKNESS_WARNED: f64 = 0.25;
+
 /// Points whose neighbours are counted before the kernel is assembled.
 const COUNTED: usize = 256;
 
@@ -95,6 +99,13 @@ pub fn analyze(
     progress.enter(Phase::Assembly)?;
     let walls = voronoi::stiffness(&cells, progress)?;
     let mut warnings = Vec::new();
+    if frames.thickness() > THICKNESS_WARNED {
+        warnings.push(format!(
+            "the neighbourhoods are hardly flat (their third principal variance is {:.0} % of the second): the points \
+             do not sample a surface, or their noise is as large as their spacing",
+            100.0 * frames.thickness()
+        ));
+    }
     let (laplacian, narrow) = match parameters.operator {
         OperatorKind::Voronoi => {
             (LaplaceBeltrami { stiffness: walls, mass: cells.area.clone(), heat_kernel: None }, None)

@@ -21,6 +21,8 @@ pub struct Frames {
     dimension: usize,
     /// `n × 2 × d`.
     tangents: Vec<f64>,
+    /// Median over the points of the third over the second principal variance.
+    thickness: f64,
 }
 
 /// Tangent planes through every point by PCA of its nearest neighbours.
@@ -39,19 +41,27 @@ pub fn frames(
     progress.advance(0.75)?;
     let d = points.dimension();
     let mut tangents = vec![0.0; points.len() * SURFACE * d];
-    tangents.par_chunks_mut(SURFACE * d).enumerate().for_each(|(i, frame)| {
-        if d == 2 {
-            frame.copy_from_slice(&[1.0, 0.0, 0.0, 1.0]);
-        } else if d == 3 {
-            frame_in_space(points, i, nearest.of(i), frame);
-        } else {
-            frame_in_any_dimension(points, i, nearest.of(i), frame);
-        }
-    });
-    Ok(Frames { dimension: d, tangents })
+    let mut ratios: Vec<f64> = tangents
+        .par_chunks_mut(SURFACE * d)
+        .enumerate()
+        .map(|(i, frame)| {
+            if d == 2 {
+                frame.copy_from_slice(&[1.0, 0.0, 0.0, 1.0]);
+                0.0
+            } else if d == 3 {
+                frame_in_space(points, i, nearest.of(i), frame)
+            } else {
+                frame_in_any_dimension(points, i, nearest.of(i), frame)
+            }
+        })
+        .collect();
+    let middle = ratios.len() / 2;
+    let thickness = *ratios.select_nth_unstable_by(middle, f64::total_cmp).1;
+    Ok(Frames { dimension: d, tangents, thickness })
 }
 
-fn frame_in_space(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64]) {
+/// Writes the frame; returns the third over the second principal variance.
+fn frame_in_space(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64]) -> f64 {
     let p = points.point(i);
     let mut scatter = Matrix3::<f64>::zeros();
     for &q in neighbors {
@@ -64,14 +74,17 @@ fn frame_in_space(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64
     let eigen = SymmetricEigen::try_new(scatter / scale, f64::EPSILON, SWEEPS_MAX);
     let Some(eigen) = eigen else {
         frame.copy_from_slice(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
-        return;
+        return 0.0;
     };
-    for (tangent, &axis) in frame.chunks_exact_mut(3).zip(&descending(eigen.eigenvalues.as_slice())) {
+    let order = descending(eigen.eigenvalues.as_slice());
+    for (tangent, &axis) in frame.chunks_exact_mut(3).zip(&order) {
         tangent.copy_from_slice(eigen.eigenvectors.column(axis).as_slice());
     }
+    ratio(eigen.eigenvalues.as_slice(), &order)
 }
 
-fn frame_in_any_dimension(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64]) {
+/// Writes the frame; returns the third over the second principal variance.
+fn frame_in_any_dimension(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64]) -> f64 {
     let (p, d) = (points.point(i), points.dimension());
     let offsets =
         DMatrix::from_fn(d, neighbors.len(), |axis, j| points.point(neighbors[j] as usize)[axis] - p[axis]);
@@ -81,11 +94,19 @@ fn frame_in_any_dimension(points: &Points, i: usize, neighbors: &[u32], frame: &
         frame.fill(0.0);
         frame[0] = 1.0;
         frame[d + 1] = 1.0;
-        return;
+        return 0.0;
     };
-    for (tangent, &axis) in frame.chunks_exact_mut(d).zip(&descending(eigen.eigenvalues.as_slice())) {
+    let order = descending(eigen.eigenvalues.as_slice());
+    for (tangent, &axis) in frame.chunks_exact_mut(d).zip(&order) {
         tangent.copy_from_slice(eigen.eigenvectors.column(axis).as_slice());
     }
+    ratio(eigen.eigenvalues.as_slice(), &order)
+}
+
+/// The third over the second of the values; 0 where the second is (points on a line).
+fn ratio(values: &[f64], order: &[usize]) -> f64 {
+    let (second, third) = (values[order[1]], values[order[2]]);
+    if second > 0.0 { third.max(0.0) / second } else { 0.0 }
 }
 
 /// Indices of the values, largest first.
@@ -99,6 +120,13 @@ impl Frames {
     fn tangent(&self, i: usize, axis: usize) -> &[f64] {
         let start = (i * SURFACE + axis) * self.dimension;
         &self.tangents[start..start + self.dimension]
+    }
+
+    /// Median of the third over the second principal variance of the neighbourhoods: far below 1 on a surface, near 1
+    /// in a volume.
+    #[must_use]
+    pub fn thickness(&self) -> f64 {
+        self.thickness
     }
 
     /// Coordinates of `q − p_i` in the tangent plane of point `i`.

@@ -122,3 +122,14 @@ fn more_bases_than_points_and_a_cut_off_that_reaches_everything_are_refused() {
     let wide = Parameters { delta: Some(3.0), ..parameters(PbMhb, 10) };
     assert!(matches!(run(wide), AnalysisError::Parameter { name: "delta", .. }));
 }
+
+#[test]
+fn a_volume_is_computed_with_the_warning_that_it_is_no_surface() {
+    let volume = (0..3 * 2_000).map(crate::hashed).collect();
+    let warned = |points| {
+        let report = eigen(&cloud(3, points), &parameters(Voronoi, 5)).report;
+        report.warnings.iter().any(|warning| warning.starts_with("the neighbourhoods are hardly flat"))
+    };
+    assert!(warned(volume));
+    assert!(!warned(fibonacci_sphere(2_000)));
+}
