@@ -194,7 +194,7 @@ pub fn probe(
     let mut product = Block::zeros(problem.size(), VECTORS);
     for _ in 0..STEPS {
         progress.checkpoint()?;
-        // x − M A x damps what is far above the shift; adding M σ x keeps what is below
+        // −M (1/t − A) x: M/t amplifies what is near the shift, and at the top, where M ≈ t and A ≈ 1/t, nothing is left
         sparse_product(&mut product, &problem.matrix, &probe);
         add_product(
             &mut product,
