@@ -1,5 +1,6 @@
 //! Cloud → operator → spectrum: all stages on one screen.
 
+mod assembly;
 mod error;
 mod parameters;
 mod report;
@@ -10,39 +11,69 @@ pub use parameters::{Additions, JobKind, Parameters};
 pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 
+use assembly::{Assembled, Surface, assemble};
 use result::NO_PLACE;
 
 use crate::cloud::PointCloud;
 use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
-use crate::geometry::{Cells, NearestNeighbors, Points, Sampling, SearchTree, cells, components, frames};
-use crate::operator::sheets::Sheets;
-use crate::operator::{HeatKernel, LaplaceBeltrami, OperatorKind, SymmetricSparse, pb_mhb, voronoi};
+use crate::geometry::{
+    Frames, NearestNeighbors, Points, Sampling, SearchTree, Triangles, cells, components, frames,
+};
+use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
-use crate::spectrum::solver::{DENSE_POINTS_MAX, Request};
+use crate::spectrum::solver::{DENSE_POINTS_MAX, DENSE_POINTS_MAX_GENERAL, Request};
 use crate::spectrum::{Eigenbasis, Problem, Spectrum, certificates, solve};
 
-/// Cheap checks before a cloud is accepted: enough distinct points, not all on a line, enough for the bases.
-/// Costs a sort of the points. Returns the number of rows that repeat an earlier position.
+/// Cheap checks before a cloud is accepted: enough distinct points, not in a flat of fewer dimensions than the manifold,
+/// enough for the bases, faces where the operator needs them. Costs a sort of the points. Returns the number of rows that repeat an earlier position.
 ///
 /// # Errors
 /// [`AnalysisError`] that says what is missing.
 pub fn admit(cloud: &PointCloud, parameters: &Parameters) -> Result<usize, AnalysisError> {
     parameters.check()?;
-    let points = Points::prepare(cloud)?;
-    check_bases(parameters.bases, points.len())?;
+    let points = Points::prepare(cloud, parameters.dimension)?;
+    check_bases(parameters, points.len())?;
+    triangles(cloud, &points, parameters)?;
     Ok(points.duplicates())
 }
 
-fn check_bases(bases: usize, points: usize) -> Result<(), AnalysisError> {
+/// The cloud's triangles, for operators that need them.
+fn triangles(
+    cloud: &PointCloud,
+    points: &Points,
+    parameters: &Parameters,
+) -> Result<Triangles, AnalysisError> {
+    let name = parameters.operator.name();
+    if !parameters.operator.needs_faces() {
+        return Ok(Triangles::default());
+    }
+    if cloud.faces().is_empty() {
+        return Err(AnalysisError::Unsupported(format!(
+            "operator `{name}` needs the faces of a mesh, and this cloud has none: upload a PLY, OBJ or OFF file with \
+             faces, or choose an operator for points such as `pb-mhb` or `voronoi`"
+        )));
+    }
+    let triangles = Triangles::of(cloud, points);
+    if triangles.is_empty() {
+        return Err(AnalysisError::Unsupported(format!(
+            "operator `{name}` needs the faces of a mesh, and none of this cloud's {} faces has an area",
+            cloud.faces().len()
+        )));
+    }
+    Ok(triangles)
+}
+
+fn check_bases(parameters: &Parameters, points: usize) -> Result<(), AnalysisError> {
+    let bases = parameters.bases;
     let refuse = |reason| Err(AnalysisError::Parameter { name: "bases", reason });
     if bases > points {
         return refuse(format!("{bases} bases asked of {points} distinct points; at most {points} exist"));
     }
-    if points > DENSE_POINTS_MAX && bases > points / 5 {
+    let dense_max = if parameters.operator.is_pcd() { DENSE_POINTS_MAX_GENERAL } else { DENSE_POINTS_MAX };
+    if points > dense_max && bases > points / 5 {
         return refuse(format!(
-            "{bases} bases asked of {points} points; above {DENSE_POINTS_MAX} points at most a fifth of them, {}, are \
-             computed",
+            "{bases} bases asked of {points} points; above {dense_max} points at most a fifth of them, {}, are computed",
             points / 5
         ));
     }
@@ -55,15 +86,9 @@ const NEIGHBORS: usize = 20;
 /// Components of fewer points carry no result.
 const COMPONENT_MIN: usize = POINTS_MIN;
 
-/// Most neighbours within δ that a kernel may couple per point, on average.
-const COUPLED_MAX: usize = 2_000;
-
-/// Third over second principal variance of the neighbourhoods from which on the caller is warned. Noise of half a
-/// spacing gives about 0.15, a volume more than 0.5.
+/// (k+1)-th over k-th principal variance of the neighbourhoods from which on the caller is warned. On a surface noise of
+/// half a spacing gives about 0.15, a volume more than 0.5.
 const THICKNESS_WARNED: f64 = 0.25;
-
-/// Points whose neighbours are counted before the kernel is assembled.
-const COUNTED: usize = 256;
 
 /// Runs all stages on the calling thread and the current rayon pool.
 ///
@@ -77,12 +102,15 @@ pub fn analyze(
 ) -> Result<Analysis, AnalysisError> {
     parameters.check()?;
     progress.enter(Phase::Preparation)?;
-    let points = Points::prepare(cloud)?;
+    let points = Points::prepare(cloud, parameters.dimension)?;
+    let triangles = triangles(cloud, &points, parameters)?;
 
     progress.enter(Phase::Neighborhoods)?;
     let tree = SearchTree::new(&points);
     let nearest = NearestNeighbors::find(&tree, &points, NEIGHBORS, progress)?;
-    let frames = frames(&points, &nearest, progress)?;
+    let frames = frames(&points, &nearest, parameters.dimension, progress)?;
+    let mut warnings = warnings_of_dimension(&frames);
+    let dimension_estimate = frames.dimension_estimate();
 
     progress.enter(Phase::Cells)?;
     let additions = parameters.additions();
@@ -92,43 +120,28 @@ pub fn analyze(
         sheet_aware: additions.sheet_aware,
     };
     let cells = cells(&points, &tree, &nearest, &frames, options, progress)?;
-    let mut sampling = Sampling::measure(&points, &nearest, &cells);
+    let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
-    drop(nearest);
 
     progress.enter(Phase::Assembly)?;
-    let walls = voronoi::stiffness(&cells, progress)?;
-    let mut warnings = Vec::new();
-    if frames.thickness() > THICKNESS_WARNED {
-        warnings.push(format!(
-            "the neighbourhoods are hardly flat (their third principal variance is {:.0} % of the second): the points \
-             do not sample a surface, or their noise is as large as their spacing",
-            100.0 * frames.thickness()
-        ));
-    }
-    let (laplacian, narrow) = match parameters.operator {
-        OperatorKind::Voronoi => {
-            (LaplaceBeltrami { stiffness: walls, mass: cells.area.clone(), heat_kernel: None }, None)
-        }
-        OperatorKind::PbMhb => {
-            let kernel = parameters.heat_kernel(sampling.epsilon);
-            check_coupling(&points, &tree, kernel)?;
-            let sheets = additions.sheet_aware.then(|| Sheets::orient(frames, &cells, &walls));
-            if sheets.as_ref().is_some_and(|sheets| !sheets.is_orientable()) {
-                warnings.push(
-                    "the surface could not be oriented; sheets are told apart by the angle of their planes only".into(),
-                );
-            }
-            (pb_mhb::build(&points, &tree, &cells, sheets.as_ref(), kernel, progress)?, Some(walls))
-        }
+    let surface = Surface {
+        points: &points,
+        tree: &tree,
+        nearest: &nearest,
+        cells: &cells,
+        sampling: &sampling,
+        triangles: &triangles,
     };
-    drop(tree);
-    let (laplacian, narrow, place) = without_small_components(laplacian, narrow, &cells)?;
+    let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
+    drop((tree, nearest, cells, triangles));
+    let (Assembled { laplacian, narrow }, place) = without_small_components(assembled)?;
     let used = laplacian.mass.len();
     let mut report = Report {
         operator: parameters.operator,
         rows: cloud.len(),
-        dimension: cloud.dimension(),
+        ambient_dimension: cloud.dimension(),
+        dimension: parameters.dimension,
+        dimension_estimate,
         points_used: used,
         duplicates: points.duplicates(),
         nonfinite: cloud.nonfinite(),
@@ -143,7 +156,6 @@ pub fn analyze(
         spectrum: None,
     };
     report.warn_of_sampling();
-    drop(cells);
 
     let mass = laplacian.mass.clone();
     let (stiffness, eigenbasis) = match kind {
@@ -164,14 +176,14 @@ fn eigenpairs(
     points: &Points,
     active: &[u32],
     laplacian: LaplaceBeltrami,
-    narrow: Option<SymmetricSparse>,
+    narrow: Option<Sparse>,
     parameters: &Parameters,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<Eigenbasis, AnalysisError> {
-    check_bases(parameters.bases, active.len())?;
-    let heat_kernel = laplacian.heat_kernel;
-    let problem = Problem::new(laplacian);
+    check_bases(parameters, active.len())?;
+    let (heat_kernel, plateau, structure) = (laplacian.heat_kernel, laplacian.plateau, laplacian.structure);
+    let problem = Problem::new(laplacian, first_eigenvalue(report, plateau));
     let narrow = narrow.map(|mut matrix| {
         let inverse: Vec<f64> = problem.root_mass.iter().map(|m| 1.0 / m).collect();
         matrix.scale_both_sides(&inverse);
@@ -182,19 +194,25 @@ fn eigenpairs(
         tolerance: parameters.tolerance,
         position: |i: u32| points.point(active[i as usize] as usize),
         narrow: narrow.as_ref(),
-        heat_kernel,
+        plateau,
+        saturates: heat_kernel.is_some(),
     };
     let solution = solve(&problem, &request, progress)?;
     let raw = solution.pairs.values.clone();
+    let mut imaginary = solution.pairs.imaginary.clone();
+    imaginary.resize(raw.len(), 0.0);
     let corrected = heat_kernel.filter(|_| report.additions.heat_correction);
-    let eigenvalues: Vec<Option<f64>> = raw
-        .iter()
-        .map(|&mu| Some(corrected.map_or(mu, |kernel| kernel.corrected(mu))).filter(|x| x.is_finite()))
-        .collect();
+    let mut eigenvalues: Vec<Option<f64>> = Vec::with_capacity(raw.len());
+    for (&mu, b) in raw.iter().zip(&mut imaginary) {
+        let (lambda, part) = corrected.map_or((mu, *b), |kernel| kernel.corrected_complex(mu, *b));
+        eigenvalues.push(Some(lambda).filter(|x| x.is_finite()));
+        *b = part;
+    }
     report.spectrum = Some(Spectrum {
         eigenvalues,
         clusters: certificates::clusters(&raw, problem.shift),
         raw_eigenvalues: raw,
+        imaginary_parts: (structure == Structure::General).then_some(imaginary),
         residuals: solution.residuals,
         components: problem.zero_modes(),
         certificates: solution.certificates,
@@ -204,41 +222,50 @@ fn eigenpairs(
     Ok(Eigenbasis::new(&problem, solution.pairs))
 }
 
-/// Refuses a δ that would couple everything with everything.
-fn check_coupling(points: &Points, tree: &SearchTree, kernel: HeatKernel) -> Result<(), AnalysisError> {
-    let stride = points.len().div_ceil(COUNTED);
-    let mut neighbors = Vec::new();
-    let (mut counted, mut found) = (0, 0);
-    for i in (0..points.len()).step_by(stride) {
-        tree.within(points, i, kernel.delta, &mut neighbors);
-        counted += 1;
-        found += neighbors.len();
+/// The size of the first non-zero eigenvalues, by Weyl's law: `(2π/length)²` of a curve, `4π/area` of a surface,
+/// `(6π²/volume)^{2/3}` in three dimensions. A ball graph of n points with mean degree d, whose spectrum ends at
+/// `1/plateau`, begins at about `d/n` of that.
+fn first_eigenvalue(report: &Report, plateau: Option<f64>) -> f64 {
+    use std::f64::consts::PI;
+    if report.operator.is_combinatorial() {
+        return report.neighbors / (plateau.unwrap_or(1.0) * report.points_used as f64);
     }
-    if found / counted > COUPLED_MAX && points.len() > COUPLED_MAX {
-        return Err(AnalysisError::Parameter {
-            name: "delta",
-            reason: format!(
-                "the cut-off radius {:.4e} reaches {} neighbours per point; at most {COUPLED_MAX} are coupled: choose \
-                 a smaller `delta` or `t`",
-                kernel.delta,
-                found / counted
-            ),
-        });
+    let volume = report.sampling.area;
+    match report.dimension {
+        1 => (2.0 * PI / volume).powi(2),
+        2 => 4.0 * PI / volume,
+        _ => (6.0 * PI * PI / volume).powf(2.0 / 3.0),
     }
-    Ok(())
+}
+
+/// Says when the neighbourhoods do not look like those of a k-manifold.
+fn warnings_of_dimension(frames: &Frames) -> Vec<String> {
+    let (k, estimate) = (frames.intrinsic(), frames.dimension_estimate());
+    let mut warnings = Vec::new();
+    if estimate != k {
+        warnings.push(format!(
+            "most neighbourhoods look {estimate}-dimensional, the analysis takes the points for samples of a \
+             {k}-dimensional manifold (`dimension`)"
+        ));
+    } else if frames.thickness() > THICKNESS_WARNED {
+        warnings.push(format!(
+            "the neighbourhoods are hardly flat (their principal variance number {} is {:.0} % of the one before): the \
+             points do not sample a {k}-dimensional manifold, or their noise is as large as their spacing",
+            k + 1,
+            100.0 * frames.thickness()
+        ));
+    }
+    warnings
 }
 
 /// Leaves out components of fewer than [`COMPONENT_MIN`] points, in the operator and its narrow companion; also
 /// returns every point's place.
-fn without_small_components(
-    laplacian: LaplaceBeltrami,
-    narrow: Option<SymmetricSparse>,
-    cells: &Cells,
-) -> Result<(LaplaceBeltrami, Option<SymmetricSparse>, Vec<u32>), AnalysisError> {
-    let n = cells.area.len();
+fn without_small_components(assembled: Assembled) -> Result<(Assembled, Vec<u32>), AnalysisError> {
+    let Assembled { laplacian, narrow } = assembled;
+    let n = laplacian.mass.len();
     let found = components(n, |i| laplacian.stiffness.neighbors(i));
     if found.size.iter().all(|&size| size >= COMPONENT_MIN) {
-        return Ok((laplacian, narrow, (0..n as u32).collect()));
+        return Ok((Assembled { laplacian, narrow }, (0..n as u32).collect()));
     }
     let keep: Vec<u32> =
         (0..n as u32).filter(|&i| found.size[found.label[i as usize] as usize] >= COMPONENT_MIN).collect();
@@ -254,5 +281,5 @@ fn without_small_components(
     // the companion's walls may lead out of a kept component: such a row sums to more than zero, which leaves it
     // positive definite, and it only preconditions
     let narrow = narrow.map(|matrix| matrix.restricted_to(&keep));
-    Ok((laplacian.restricted_to(&keep), narrow, place))
+    Ok((Assembled { laplacian: laplacian.restricted_to(&keep), narrow }, place))
 }

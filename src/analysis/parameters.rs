@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::AnalysisError;
-use crate::operator::{HeatKernel, OperatorKind, pb_mhb};
+use crate::geometry::frames::INTRINSIC_MAX;
+use crate::operator::{Distance, HeatKernel, OperatorKind, Parameterization, graph, pb_mhb, pcd};
 
 /// Whether only the operator is built, or its eigenpairs too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, ToSchema)]
@@ -23,6 +24,8 @@ pub enum JobKind {
 pub struct Parameters {
     /// The discrete Laplace–Beltrami operator.
     pub operator: OperatorKind,
+    /// Intrinsic dimension k of the manifold that the points sample: 1 for curves, 2 for surfaces, 3 for volumes.
+    pub dimension: usize,
     /// Number of eigenpairs, the zero modes included.
     pub bases: usize,
     /// Largest relative residual of an eigenpair.
@@ -31,12 +34,16 @@ pub struct Parameters {
     pub t: Option<f64>,
     /// The same as a multiple of ε².
     pub t_factor: Option<f64>,
-    /// Cut-off radius of the heat kernel, in units of the cloud.
+    /// Cut-off radius of the heat kernel, or length of a graph's edges, in units of the cloud.
     pub delta: Option<f64>,
-    /// The same as a multiple of √(2t).
+    /// The same as a multiple of √(2t); of ε for graph operators, which have no t.
     pub delta_factor: Option<f64>,
     /// Covering radius ε, in units of the cloud, instead of the estimate.
     pub epsilon: Option<f64>,
+    /// Distance in the Gaussian of `pcd`.
+    pub distance: Option<Distance>,
+    /// How `pcd` chooses t, δ and its simplices.
+    pub parameterization: Option<Parameterization>,
     /// Exactly the paper's operator: switches all additions off that are not set themselves.
     pub paper: bool,
     /// Scale projected neighbours back to their true distance before cells are clipped.
@@ -53,6 +60,7 @@ impl Default for Parameters {
     fn default() -> Self {
         Self {
             operator: OperatorKind::default(),
+            dimension: 2,
             bases: 100,
             tolerance: 1e-4,
             t: None,
@@ -60,6 +68,8 @@ impl Default for Parameters {
             delta: None,
             delta_factor: None,
             epsilon: None,
+            distance: None,
+            parameterization: None,
             paper: false,
             isometric_cells: None,
             truncation_compensation: None,
@@ -79,6 +89,13 @@ impl Parameters {
         if self.bases == 0 {
             return refuse("bases", "must be at least 1");
         }
+        if !(1..=INTRINSIC_MAX).contains(&self.dimension) {
+            return refuse("dimension", "must be 1, 2 or 3");
+        }
+        if self.operator.needs_faces() && self.dimension != 2 {
+            return refuse("dimension", "must be 2 for an operator on the triangles of a mesh");
+        }
+        self.check_pcd()?;
         if !(1e-12..=1e-1).contains(&self.tolerance) {
             return refuse("tolerance", "must lie between 1e-12 and 0.1");
         }
@@ -103,25 +120,63 @@ impl Parameters {
         Ok(())
     }
 
-    /// The switches as they are in force.
+    /// Refuses what only `pcd` can follow.
+    fn check_pcd(&self) -> Result<(), AnalysisError> {
+        let refuse = |name, reason: &str| Err(AnalysisError::Parameter { name, reason: reason.into() });
+        let only = "applies to the operators `pcd` and `pcd-symmetrized` only";
+        if self.distance.is_some() && !self.operator.is_pcd() {
+            return refuse("distance", only);
+        }
+        if self.parameterization.is_some() && !self.operator.is_pcd() {
+            return refuse("parameterization", only);
+        }
+        let given = self.t.or(self.t_factor).or(self.delta).or(self.delta_factor).is_some();
+        if self.parameterization == Some(Parameterization::NearestTen) && given {
+            return refuse("parameterization", "`nearest-ten` chooses t and delta by itself; leave them out");
+        }
+        Ok(())
+    }
+
+    /// The switches as they are in force; those that the operator has no use for are off.
     #[must_use]
     pub fn additions(&self) -> Additions {
-        let on = |switch: Option<bool>| switch.unwrap_or(!self.paper);
+        use OperatorKind::{Mesh, PbMhb};
+        let on = |switch: Option<bool>, applies: bool| applies && switch.unwrap_or(!self.paper);
+        let measures_cells = !self.operator.needs_faces();
         Additions {
-            isometric_cells: on(self.isometric_cells),
-            truncation_compensation: on(self.truncation_compensation),
-            sheet_aware: on(self.sheet_aware),
-            heat_correction: on(self.heat_correction),
+            isometric_cells: on(self.isometric_cells, measures_cells),
+            truncation_compensation: on(self.truncation_compensation, matches!(self.operator, PbMhb | Mesh)),
+            sheet_aware: on(self.sheet_aware, measures_cells),
+            heat_correction: on(self.heat_correction, self.operator.is_heat_kernel()),
         }
     }
 
     /// t and δ for a cloud with covering radius `epsilon`: `t = c·ε²`, `δ = c'·√(2t)`.
     pub(super) fn heat_kernel(&self, epsilon: f64) -> HeatKernel {
         let t = self.t.unwrap_or_else(|| self.t_factor.unwrap_or(pb_mhb::T_FACTOR) * epsilon * epsilon);
-        let compensated = self.additions().truncation_compensation;
-        let factor = if compensated { pb_mhb::DELTA_FACTOR } else { pb_mhb::DELTA_FACTOR_PAPER };
+        let truncation_compensation = self.additions().truncation_compensation;
+        let factor = match self.operator {
+            kind if kind.is_pcd() => pcd::DELTA_FACTOR,
+            _ if self.paper && !truncation_compensation => pb_mhb::DELTA_FACTOR_PAPER,
+            _ => pb_mhb::DELTA_FACTOR,
+        };
         let delta = self.delta.unwrap_or_else(|| self.delta_factor.unwrap_or(factor) * (2.0 * t).sqrt());
-        HeatKernel { t, delta, truncation_compensation: compensated }
+        HeatKernel { t, delta, truncation_compensation, dimension: self.dimension }
+    }
+
+    /// Length up to which a graph operator joins points.
+    pub(super) fn edge_length(&self, epsilon: f64) -> f64 {
+        self.delta.unwrap_or_else(|| self.delta_factor.unwrap_or(graph::DELTA_FACTOR) * epsilon)
+    }
+
+    /// The options of `pcd` around its kernel.
+    pub(super) fn pcd_options(&self, kernel: HeatKernel) -> pcd::Options {
+        let parameterization = self.parameterization.unwrap_or_default();
+        let usual = match parameterization {
+            Parameterization::CoveringRadius => Distance::Ambient,
+            Parameterization::NearestTen => Distance::Projected,
+        };
+        pcd::Options { kernel, distance: self.distance.unwrap_or(usual), parameterization }
     }
 }
 

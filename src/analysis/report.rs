@@ -15,8 +15,13 @@ pub struct Report {
     pub operator: OperatorKind,
     /// Rows of the upload.
     pub rows: usize,
-    /// Ambient dimension d.
+    /// Dimension d of the space that the points lie in.
+    pub ambient_dimension: usize,
+    /// Intrinsic dimension k that the operator was built for.
     pub dimension: usize,
+    /// Intrinsic dimension that most neighbourhoods look like: the number of principal variances before the first that
+    /// is less than a fifth of the one before.
+    pub dimension_estimate: usize,
     /// Points that the operator is built on.
     pub points_used: usize,
     /// Rows that repeat an earlier row's position.
@@ -54,7 +59,7 @@ impl Report {
         let sampling = &self.sampling;
         if sampling.invalid_cells as f64 > INVALID_SHARE_WARNED * self.points_used as f64 {
             self.warnings.push(format!(
-                "{} of {} Voronoi cells could not be measured and were given the mean area",
+                "{} of {} Voronoi cells could not be measured and were given the mean volume",
                 sampling.invalid_cells, self.points_used
             ));
         }
@@ -81,6 +86,14 @@ impl Report {
             "t·μ reaches {saturation:.2}: the last eigenvalues are near the heat kernel's limit 1/t and carry little \
              information; ask for fewer bases or a smaller t"
         ));
+        }
+        if spectrum.imaginary_parts.is_some() {
+            self.warnings.push(format!(
+                "the operator is not symmetrizable: eigenvalues need not be real ({} of these are not) and bases are not \
+                 orthogonal (defect {:.1e}), so that coefficients and filters do not invert exactly",
+                spectrum.imaginary_parts.iter().flatten().filter(|b| **b != 0.0).count(),
+                certificates.orthogonality
+            ));
         }
         if certificates.missed.is_some_and(|missed| missed > 0) {
             self.warnings

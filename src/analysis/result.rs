@@ -2,7 +2,7 @@
 
 use super::Report;
 use crate::geometry::Points;
-use crate::operator::SymmetricSparse;
+use crate::operator::Sparse;
 use crate::spectrum::Eigenbasis;
 
 /// An operator and, for [`super::JobKind::Eigen`], its eigenbasis; arrays are handed out in rows of the upload.
@@ -14,14 +14,14 @@ pub struct Analysis {
     /// For every point its place among those analysed, or [`NO_PLACE`].
     pub(super) place: Vec<u32>,
     pub(super) mass: Vec<f64>,
-    pub(super) stiffness: Option<SymmetricSparse>,
+    pub(super) stiffness: Option<Sparse>,
     pub(super) eigenbasis: Option<Eigenbasis>,
 }
 
 /// Marks a point in a component too small to analyse.
 pub(super) const NO_PLACE: u32 = u32::MAX;
 
-/// A symmetric sparse matrix in rows of the upload, compressed by rows, columns ascending.
+/// A sparse matrix in rows of the upload, compressed by rows, columns ascending.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SparseMatrix {
     /// n+1 offsets.
@@ -30,6 +30,22 @@ pub struct SparseMatrix {
     pub columns: Vec<u32>,
     /// Value of every entry.
     pub values: Vec<f64>,
+}
+
+impl SparseMatrix {
+    /// Whether `a_ij = a_ji` to the last bit.
+    #[must_use]
+    pub fn is_symmetric(&self) -> bool {
+        let row = |i: usize| self.offsets[i] as usize..self.offsets[i + 1] as usize;
+        (0..self.offsets.len() - 1).all(|i| {
+            row(i).all(|entry| {
+                let other = row(self.columns[entry] as usize);
+                self.columns[other.clone()].binary_search(&(i as u32)).is_ok_and(|place| {
+                    self.values[other.start + place].to_bits() == self.values[entry].to_bits()
+                })
+            })
+        })
+    }
 }
 
 impl Analysis {
@@ -69,8 +85,8 @@ impl Analysis {
         (0..self.points.rows()).map(|row| self.place_of_row(row).map_or(f64::NAN, value)).collect()
     }
 
-    /// Q = −S: symmetric, zero row sums, negative semi-definite. Empty rows for duplicates and rows without a
-    /// result. Present for [`super::JobKind::Operator`].
+    /// Q = −S: for most operators symmetric with zero row sums and negative semi-definite. Empty rows for duplicates and
+    /// rows without a result. Present for [`super::JobKind::Operator`].
     #[must_use]
     pub fn operator_matrix(&self) -> Option<SparseMatrix> {
         let stiffness = self.stiffness.as_ref()?;
@@ -99,5 +115,23 @@ impl Analysis {
             matrix.offsets.push(matrix.columns.len() as u64);
         }
         Some(matrix)
+    }
+
+    /// Δf for values of a function, one per row: `−B⁻¹ S f`. Duplicates repeat their first occurrence, NaN without a
+    /// result. Present for [`super::JobKind::Operator`].
+    ///
+    /// # Panics
+    /// Unless `f` has one value per row.
+    #[must_use]
+    pub fn laplacian_of(&self, f: &[f64]) -> Option<Vec<f64>> {
+        assert_eq!(f.len(), self.points.rows());
+        let stiffness = self.stiffness.as_ref()?;
+        let mut values = vec![0.0; stiffness.rows()];
+        for (point, &place) in self.place.iter().enumerate().filter(|(_, place)| **place != NO_PLACE) {
+            values[place as usize] = f[self.points.row(point)];
+        }
+        let product = stiffness.product(&values);
+        let laplacian = |place: usize| 0.0 - product[place] / self.mass[place];
+        Some((0..f.len()).map(|row| self.place_of_row(row).map_or(f64::NAN, laplacian)).collect())
     }
 }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
 use chladni::cloud::reader::{Format, Limits, ReadOptions, read};
 use chladni::cloud::{NonFinite, PointCloud};
-use chladni::operator::OperatorKind;
+use chladni::operator::{Distance, OperatorKind, Parameterization};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::{Failure, output};
@@ -38,7 +38,7 @@ pub(crate) struct AnalyzeArgs {
 
     /// For tables: the first so many columns are the coordinates
     #[arg(long, value_name = "D")]
-    dimension: Option<usize>,
+    coordinates: Option<usize>,
 
     /// Rows with a non-finite coordinate: refuse the cloud, or drop the rows
     #[arg(long, default_value = "reject", value_parser = policies())]
@@ -60,6 +60,10 @@ struct ParameterArgs {
     #[arg(long, default_value = OperatorKind::default().name(), value_parser = operators())]
     operator: OperatorKind,
 
+    /// Intrinsic dimension: 1 for curves, 2 for surfaces, 3 for volumes
+    #[arg(long, value_name = "K", default_value_t = Parameters::default().dimension)]
+    dimension: usize,
+
     /// Number of eigenpairs, the zero modes included
     #[arg(long, short = 'k', value_name = "K", default_value_t = Parameters::default().bases)]
     bases: usize,
@@ -76,17 +80,25 @@ struct ParameterArgs {
     #[arg(long, value_name = "FACTOR")]
     t_factor: Option<f64>,
 
-    /// Cut-off radius of the heat kernel, in units of the cloud
+    /// Cut-off radius of the heat kernel, or length of a graph's edges, in units of the cloud
     #[arg(long)]
     delta: Option<f64>,
 
-    /// The same as a multiple of √(2t)
+    /// The same as a multiple of √(2t); of the covering radius for graph operators
     #[arg(long, value_name = "FACTOR")]
     delta_factor: Option<f64>,
 
     /// Covering radius, in units of the cloud, instead of the estimate
     #[arg(long)]
     epsilon: Option<f64>,
+
+    /// Distance in the Gaussian of pcd
+    #[arg(long, value_parser = distances())]
+    distance: Option<Distance>,
+
+    /// How pcd chooses t, delta and its simplices
+    #[arg(long, value_parser = parameterizations())]
+    parameterization: Option<Parameterization>,
 
     /// Exactly the paper's operator: all additions below are off unless they are set
     #[arg(long)]
@@ -113,6 +125,7 @@ impl ParameterArgs {
     fn parameters(&self) -> Parameters {
         Parameters {
             operator: self.operator,
+            dimension: self.dimension,
             bases: self.bases,
             tolerance: self.tolerance,
             t: self.t,
@@ -120,6 +133,8 @@ impl ParameterArgs {
             delta: self.delta,
             delta_factor: self.delta_factor,
             epsilon: self.epsilon,
+            distance: self.distance,
+            parameterization: self.parameterization,
             paper: self.paper,
             isometric_cells: self.isometric_cells,
             truncation_compensation: self.truncation_compensation,
@@ -127,6 +142,20 @@ impl ParameterArgs {
             heat_correction: self.heat_correction,
         }
     }
+}
+
+fn distances() -> impl TypedValueParser<Value = Distance> {
+    PossibleValuesParser::new(["ambient", "projected"]).map(|name| match name.as_str() {
+        "ambient" => Distance::Ambient,
+        _ => Distance::Projected,
+    })
+}
+
+fn parameterizations() -> impl TypedValueParser<Value = Parameterization> {
+    PossibleValuesParser::new(["covering-radius", "nearest-ten"]).map(|name| match name.as_str() {
+        "covering-radius" => Parameterization::CoveringRadius,
+        _ => Parameterization::NearestTen,
+    })
 }
 
 fn operators() -> impl TypedValueParser<Value = OperatorKind> {
@@ -173,7 +202,7 @@ fn cloud(args: &AnalyzeArgs) -> Result<PointCloud, Failure> {
     };
     // The service's limits protect it from strangers; here the caller's own machine is the limit.
     let limits = Limits { points_max: u32::MAX as usize, faces_max: u32::MAX as usize, ..Limits::default() };
-    let options = ReadOptions { policy: args.nonfinite, dimension: args.dimension, limits };
+    let options = ReadOptions { policy: args.nonfinite, dimension: args.coordinates, limits };
     read(&bytes, format, &options).map_err(|error| Failure::Input(format!("{shown}: {error}")))
 }
 

@@ -4,11 +4,13 @@
 
 pub mod cells;
 pub mod components;
+pub mod delaunay;
 pub mod frames;
 pub mod neighborhoods;
 pub mod points;
-pub mod polygon;
+pub mod polytope;
 pub mod sampling;
+pub mod triangles;
 
 pub use cells::{Cells, cells};
 pub use components::{Components, components};
@@ -16,3 +18,4 @@ pub use frames::{Frames, frames};
 pub use neighborhoods::{NearestNeighbors, SearchTree};
 pub use points::{GeometryError, Points};
 pub use sampling::Sampling;
+pub use triangles::Triangles;

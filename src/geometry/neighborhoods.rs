@@ -17,6 +17,7 @@ const BATCH: usize = 16_384;
 pub struct SearchTree(Tree);
 
 enum Tree {
+    D1(Box<ImmutableKdTree<f64, 1>>),
     D2(Box<ImmutableKdTree<f64, 2>>),
     D3(Box<ImmutableKdTree<f64, 3>>),
     D4(Box<ImmutableKdTree<f64, 4>>),
@@ -66,6 +67,7 @@ pub struct Neighbor {
 macro_rules! dispatch {
     ($tree:expr, $call:ident ( $($argument:expr),* )) => {
         match $tree {
+            Tree::D1(tree) => $call(tree, $($argument),*),
             Tree::D2(tree) => $call(tree, $($argument),*),
             Tree::D3(tree) => $call(tree, $($argument),*),
             Tree::D4(tree) => $call(tree, $($argument),*),
@@ -78,10 +80,11 @@ macro_rules! dispatch {
 }
 
 impl SearchTree {
-    /// Builds the tree; `points` must have 2 to 8 coordinates, as [`Points::prepare`] makes sure.
+    /// Builds the tree; `points` must have 1 to 8 coordinates, as [`Points::prepare`] makes sure.
     #[must_use]
     pub fn new(points: &Points) -> Self {
         Self(match points.dimension() {
+            1 => Tree::D1(build(points)),
             2 => Tree::D2(build(points)),
             3 => Tree::D3(build(points)),
             4 => Tree::D4(build(points)),

@@ -21,11 +21,27 @@ pub enum GeometryError {
         /// The least number.
         needed: usize,
     },
-    /// The points span less than a surface.
+    /// The points span less than the manifold they are said to sample.
     #[error(
-        "all points lie on a line (to within rounding): a surface operator needs points that span a plane"
+        "all points lie on {} (to within rounding): an operator of intrinsic dimension {needed} needs points that span \
+         at least {needed} dimensions", flat(*.spanned)
     )]
-    Collinear,
+    Flat {
+        /// Dimensions spanned.
+        spanned: usize,
+        /// Intrinsic dimension k.
+        needed: usize,
+    },
+    /// A manifold cannot have more dimensions than the space that it lies in.
+    #[error(
+        "intrinsic dimension {intrinsic} asked of points in {ambient} dimensions; at most {ambient} is possible"
+    )]
+    Intrinsic {
+        /// Intrinsic dimension k.
+        intrinsic: usize,
+        /// Ambient dimension d.
+        ambient: usize,
+    },
     /// More points than indices.
     #[error("{rows} rows; at most {limit} are supported")]
     TooManyPoints {
@@ -43,6 +59,14 @@ pub enum GeometryError {
     /// Canceled by the caller.
     #[error(transparent)]
     Canceled(#[from] Canceled),
+}
+
+fn flat(spanned: usize) -> &'static str {
+    match spanned {
+        1 => "a line",
+        2 => "a plane",
+        _ => "a flat of fewer dimensions",
+    }
 }
 
 /// Least number of distinct points: a tangent plane and one more.
@@ -66,9 +90,13 @@ impl Points {
     /// Selects, merges, recentres and orders the rows of a cloud. Exact repetitions of a position are merged.
     ///
     /// # Errors
-    /// [`GeometryError`] when fewer than [`POINTS_MIN`] distinct points are left or all lie on a line.
-    pub fn prepare(cloud: &PointCloud) -> Result<Self, GeometryError> {
+    /// [`GeometryError`] when fewer than [`POINTS_MIN`] distinct points are left or they span fewer than `intrinsic`
+    /// dimensions.
+    pub fn prepare(cloud: &PointCloud, intrinsic: usize) -> Result<Self, GeometryError> {
         let (rows, d) = (cloud.len(), cloud.dimension());
+        if intrinsic > d {
+            return Err(GeometryError::Intrinsic { intrinsic, ambient: d });
+        }
         if rows >= NO_POINT as usize {
             return Err(GeometryError::TooManyPoints { rows, limit: NO_POINT as usize - 1 });
         }
@@ -116,28 +144,44 @@ impl Points {
         if points.len() < POINTS_MIN {
             return Err(GeometryError::TooFewPoints { distinct: points.len(), rows, needed: POINTS_MIN });
         }
-        if d < 2 || points.are_collinear() {
-            return Err(GeometryError::Collinear);
+        let spanned = points.dimensions_spanned(intrinsic);
+        if spanned < intrinsic {
+            return Err(GeometryError::Flat { spanned, needed: intrinsic });
         }
         Ok(points)
     }
 
-    /// Whether no point is farther from the line of largest extent than rounding explains.
-    fn are_collinear(&self) -> bool {
+    /// Number of dimensions, at most `enough`, that the points span: farthest points first, until no point is farther
+    /// from the flat through them than rounding explains.
+    fn dimensions_spanned(&self, enough: usize) -> usize {
         let origin = self.point(0);
-        let far = (0..self.len()).max_by(|&i, &j| {
-            squared_distance(self.point(i), origin).total_cmp(&squared_distance(self.point(j), origin))
-        });
-        let direction: Vec<f64> = far.map_or_else(Vec::new, |i| difference(self.point(i), origin).collect());
-        let length_squared: f64 = direction.iter().map(|x| x * x).sum();
-        // single-precision files carry relative coordinate errors of 6e-8
-        let tolerance = 1e-12 * length_squared;
-        (0..self.len()).all(|i| {
-            let offset: Vec<f64> = difference(self.point(i), origin).collect();
-            let along: f64 = offset.iter().zip(&direction).map(|(a, b)| a * b).sum();
-            let squared: f64 = offset.iter().map(|x| x * x).sum();
-            squared - along * along / length_squared <= tolerance
-        })
+        let mut axes: Vec<Vec<f64>> = Vec::new();
+        let mut size = 0.0;
+        while axes.len() < enough {
+            let residual = |i: usize| {
+                let mut offset: Vec<f64> = difference(self.point(i), origin).collect();
+                for axis in &axes {
+                    let along: f64 = offset.iter().zip(axis).map(|(x, a)| x * a).sum();
+                    offset.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
+                }
+                offset
+            };
+            let squared = |offset: &[f64]| offset.iter().map(|x| x * x).sum::<f64>();
+            let farthest = (0..self.len())
+                .map(residual)
+                .max_by(|a, b| squared(a).total_cmp(&squared(b)))
+                .unwrap_or_default();
+            let far = squared(&farthest);
+            if axes.is_empty() {
+                size = far;
+            }
+            // single-precision files carry relative coordinate errors of 6e-8
+            if far <= 1e-12 * size {
+                break;
+            }
+            axes.push(farthest.iter().map(|x| x / far.sqrt()).collect());
+        }
+        axes.len()
     }
 
     /// Number of points n.
@@ -232,29 +276,32 @@ mod tests {
 
     #[test]
     fn duplicates_share_the_first_occurrence_and_nonfinite_rows_have_no_point() {
-        let points = Points::prepare(&cloud(vec![
-            0.0,
-            0.0,
-            0.0,
-            1.0,
-            0.0,
-            0.0,
-            0.0,
-            1.0,
-            0.0,
-            -0.0,
-            0.0,
-            0.0,
-            f64::NAN,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            1.0,
-            1.0,
-            1.0,
-            0.0,
-        ]))
+        let points = Points::prepare(
+            &cloud(vec![
+                0.0,
+                0.0,
+                0.0,
+                1.0,
+                0.0,
+                0.0,
+                0.0,
+                1.0,
+                0.0,
+                -0.0,
+                0.0,
+                0.0,
+                f64::NAN,
+                0.0,
+                0.0,
+                0.0,
+                0.0,
+                1.0,
+                1.0,
+                1.0,
+                0.0,
+            ]),
+            2,
+        )
         .unwrap();
         assert_eq!(points.len(), 5);
         assert_eq!(points.duplicates(), 1);
@@ -266,14 +313,18 @@ mod tests {
     #[test]
     fn points_on_a_line_are_refused_and_a_slightly_bent_line_is_not() {
         let line: Vec<f64> = (0..20).flat_map(|i| [f64::from(i), 2.0 * f64::from(i), 1e6]).collect();
-        assert_eq!(Points::prepare(&cloud(line)).unwrap_err(), GeometryError::Collinear);
+        let error = Points::prepare(&cloud(line.clone()), 2).unwrap_err();
+        assert_eq!(error, GeometryError::Flat { spanned: 1, needed: 2 });
+        assert!(Points::prepare(&cloud(line), 1).is_ok());
         let bent: Vec<f64> = (0..20).flat_map(|i| [f64::from(i), 1e-3 * f64::from(i * i), 1e6]).collect();
-        assert!(Points::prepare(&cloud(bent)).is_ok());
+        assert!(Points::prepare(&cloud(bent.clone()), 2).is_ok());
+        let error = Points::prepare(&cloud(bent), 3).unwrap_err();
+        assert!(error.to_string().starts_with("all points lie on a plane"), "{error}");
     }
 
     #[test]
     fn too_few_distinct_points_are_refused_with_their_number() {
-        let error = Points::prepare(&cloud([1.0, 2.0, 3.0].repeat(100))).unwrap_err();
+        let error = Points::prepare(&cloud([1.0, 2.0, 3.0].repeat(100)), 2).unwrap_err();
         assert_eq!(error, GeometryError::TooFewPoints { distinct: 1, rows: 100, needed: POINTS_MIN });
     }
 }

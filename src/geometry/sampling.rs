@@ -14,22 +14,22 @@ pub struct Sampling {
     pub epsilon: f64,
     /// Smallest distance of two points ζ.
     pub zeta: f64,
-    /// Mean spacing h, the root of the mean cell area.
+    /// Mean spacing h, the k-th root of the mean cell volume.
     pub spacing: f64,
-    /// Ratio of the 99 % to the 1 % quantile of cell areas: how much denser the densest parts are.
+    /// Ratio of the 99 % to the 1 % quantile of cell volumes: how much denser the densest parts are.
     pub density_ratio: f64,
-    /// Total area of the cells, in length².
+    /// Total volume of the cells, in `length^k`: the area of a surface, the length of a curve.
     pub area: f64,
     /// Cells open to a rim, measured inside the local triangulation.
     pub rim_cells: usize,
-    /// Cells that could not be measured; their area is the mean of the others.
+    /// Cells that could not be measured; their volume is the mean of the others.
     pub invalid_cells: usize,
 }
 
 impl Sampling {
     /// Takes the measures; the paper gives no estimator of ε, the quantile is ours.
     #[must_use]
-    pub fn measure(points: &Points, nearest: &NearestNeighbors, cells: &Cells) -> Self {
+    pub fn measure(points: &Points, nearest: &NearestNeighbors, intrinsic: usize, cells: &Cells) -> Self {
         let valid = |i: &usize| cells.kind[*i] != CellKind::Invalid;
         let closed = |i: &usize| cells.kind[*i] == CellKind::Closed;
         let n = points.len();
@@ -37,11 +37,11 @@ impl Sampling {
         if radii.is_empty() {
             radii = (0..n).filter(valid).map(|i| cells.radius[i]).collect();
         }
-        let mut areas: Vec<f64> = (0..n).filter(valid).map(|i| cells.area[i]).collect();
+        let mut areas: Vec<f64> = (0..n).filter(valid).map(|i| cells.volume[i]).collect();
         let squared_nearest = |i: usize| points.squared_distance(i, nearest.of(i)[0] as usize);
         let zeta = (0..n).map(squared_nearest).fold(f64::INFINITY, f64::min).sqrt();
-        let area: f64 = cells.area.iter().sum();
-        let spacing = (area / n as f64).sqrt();
+        let area: f64 = cells.volume.iter().sum();
+        let spacing = (area / n as f64).powf(1.0 / intrinsic as f64);
         let (sparse, dense) = (quantile(&mut areas, 0.99), quantile(&mut areas, 0.01));
         Self {
             epsilon: quantile(&mut radii, 0.99).unwrap_or(spacing),

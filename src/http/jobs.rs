@@ -179,7 +179,7 @@ fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
     if let Some(report) = &job.report {
         used.epsilon = Some(report.sampling.epsilon);
         used.t = report.heat_kernel.map(|kernel| kernel.t);
-        used.delta = report.heat_kernel.map(|kernel| kernel.delta);
+        used.delta = report.heat_kernel.map(|kernel| kernel.delta).or(used.delta);
         used.isometric_cells = Some(report.additions.isometric_cells);
         used.truncation_compensation = Some(report.additions.truncation_compensation);
         used.sheet_aware = Some(report.additions.sheet_aware);

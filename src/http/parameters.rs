@@ -26,13 +26,33 @@ pub(crate) const KIND: &[Argument] = &[argument(
     "What the job computes: `eigen` builds the operator, then bases and spectrum; `operator` builds and describes the operator, whose matrices can then be fetched.",
 )];
 
+/// Place of `bases` among the parameters.
+const BASES: usize = 2;
+
 /// The fields of [`Parameters`].
 pub(crate) const PARAMETERS: &[Argument] = &[
     argument(
         "operator",
-        Accepts::Word(&["pb-mhb", "voronoi"]),
+        Accepts::Word(&[
+            "pb-mhb",
+            "voronoi",
+            "pcd",
+            "pcd-symmetrized",
+            "mesh",
+            "cotangent",
+            "weighted-graph",
+            "graph",
+            "kirchhoff",
+            "tutte",
+        ]),
         "pb-mhb",
-        "The discrete Laplace–Beltrami operator.",
+        "The discrete Laplace–Beltrami operator. `mesh` and `cotangent` need a cloud with faces.",
+    ),
+    argument(
+        "dimension",
+        Accepts::Integer(1, crate::geometry::frames::INTRINSIC_MAX as u64),
+        "2",
+        "Intrinsic dimension k of what the points sample: 1 for curves, 2 for surfaces, 3 for volumes.",
     ),
     argument(
         "bases",
@@ -58,14 +78,31 @@ pub(crate) const PARAMETERS: &[Argument] = &[
         "delta",
         Accepts::Positive,
         "from delta_factor",
-        "Cut-off radius of the heat kernel, in units of the cloud.",
+        "Cut-off radius of the heat kernel, or length of a graph's edges, in units of the cloud.",
     ),
-    argument("delta_factor", Accepts::Positive, "by operator", "The same as a multiple of √(2t)."),
+    argument(
+        "delta_factor",
+        Accepts::Positive,
+        "by operator",
+        "The same as a multiple of √(2t); of ε for graph operators, which have no t.",
+    ),
     argument(
         "epsilon",
         Accepts::Positive,
         "estimated",
         "Covering radius ε of the sampling, in units of the cloud, instead of the estimate.",
+    ),
+    argument(
+        "distance",
+        Accepts::Word(&["ambient", "projected"]),
+        "by parameterization",
+        "Distance in the Gaussian of `pcd`: in space, or in the tangent plane of the row's point.",
+    ),
+    argument(
+        "parameterization",
+        Accepts::Word(&["covering-radius", "nearest-ten"]),
+        "covering-radius",
+        "How `pcd` chooses t, δ and its simplices: from the covering radius as in the paper, or from the mean distance to the ten nearest as the authors' own program does.",
     ),
     argument(
         "paper",
@@ -111,7 +148,7 @@ pub(crate) fn read(arguments: &Arguments, bases_max: usize) -> Result<(JobKind, 
     let parameters: Parameters = serde_json::from_value(Value::Object(arguments.of(PARAMETERS)))
         .map_err(|error| Problem::internal(&error))?;
     if parameters.bases > bases_max {
-        let bases = Argument { accepts: Accepts::Integer(1, bases_max as u64), ..PARAMETERS[1] };
+        let bases = Argument { accepts: Accepts::Integer(1, bases_max as u64), ..PARAMETERS[BASES] };
         return Err(bases.refuse(&parameters.bases.to_string()));
     }
     parameters.check()?;
@@ -158,5 +195,7 @@ mod tests {
         assert!((stated("tolerance").parse::<f64>().unwrap() - default.tolerance).abs() < f64::EPSILON);
         assert_eq!(stated("paper"), default.paper.to_string());
         assert_eq!(serde_json::to_value(default.operator).unwrap(), stated("operator"));
+        assert_eq!(stated("dimension"), default.dimension.to_string());
+        assert_eq!(PARAMETERS[BASES].name, "bases");
     }
 }

@@ -41,7 +41,7 @@ pub(crate) const UPLOAD: &[Argument] = &[
         meaning: "What to do with rows that have a NaN or infinite coordinate: refuse the cloud, or keep the rows without a result.",
     },
     Argument {
-        name: "dimension",
+        name: "coordinates",
         alias: None,
         accepts: Accepts::Integer(1, crate::cloud::DIMENSION_MAX as u64),
         default: "3 or all columns, by format",
@@ -230,7 +230,7 @@ async fn receive(
     let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
     let options = ReadOptions {
         policy: if arguments.word("nonfinite") == Some("drop") { NonFinite::Drop } else { NonFinite::Reject },
-        dimension: arguments.integer("dimension").map(|dimension| dimension as usize),
+        dimension: arguments.integer("coordinates").map(|columns| columns as usize),
         limits: service.limits.reader,
     };
     let wanted = job.clone();

@@ -3,32 +3,43 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::SymmetricSparse;
+use super::Sparse;
 use crate::geometry::{Points, SearchTree};
 use crate::progress::{Canceled, Progress};
 
-/// Time and cut-off of a Gaussian heat kernel on a surface (intrinsic dimension k = 2).
+/// Time and cut-off of a Gaussian heat kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct HeatKernel {
     /// Diffusion time t in length².
     pub t: f64,
-    /// Cut-off radius δ in length.
+    /// Cut-off radius δ in length. For `pcd` that of the neighbourhood that is triangulated; the Gaussian is cut at
+    /// half of it.
     pub delta: f64,
     /// Whether the second moment that the cut-off loses is made up for.
     pub truncation_compensation: bool,
+    /// Intrinsic dimension k of the manifold.
+    #[serde(default = "surface")]
+    pub dimension: usize,
+}
+
+/// The intrinsic dimension of reports that do not state one.
+fn surface() -> usize {
+    2
 }
 
 impl HeatKernel {
-    /// `1/((4πt)^{k/2} t)` for k = 2 [PBMHB eq. 3.5; PCD eq. 2.1], compensated if asked for.
+    /// `1/((4πt)^{k/2} t)` [PBMHB eq. 3.5; PCD eq. 2.1], compensated if asked for.
     ///
-    /// Ours: cutting the Gaussian at `δ = c·√(2t)` loses the share `exp(−c²/2)(1+c²/2)` of its second moment, which
-    /// is what Δ is measured with.
+    /// Ours: cutting the Gaussian at `δ = c·√(2t)` loses a share of its second moment, which is what Δ is measured with.
     #[must_use]
     pub fn factor(&self) -> f64 {
-        let half_square = self.delta * self.delta / (4.0 * self.t);
-        let lost =
-            if self.truncation_compensation { (-half_square).exp() * (1.0 + half_square) } else { 0.0 };
-        1.0 / (4.0 * std::f64::consts::PI * self.t * self.t * (1.0 - lost))
+        let lost = if self.truncation_compensation {
+            second_moment_beyond(self.delta * self.delta / (4.0 * self.t), self.dimension)
+        } else {
+            0.0
+        };
+        let norm = (4.0 * std::f64::consts::PI * self.t).powf(0.5 * self.dimension as f64);
+        1.0 / (norm * self.t * (1.0 - lost))
     }
 
     /// λ of a raw eigenvalue: `L = (K_t − I)/t` with `K_t ≈ exp(tΔ)`, so that `μ = (1 − exp(−tλ))/t`.
@@ -38,10 +49,32 @@ impl HeatKernel {
     pub fn corrected(&self, mu: f64) -> f64 {
         if self.t * mu >= 1.0 { f64::INFINITY } else { -(-self.t * mu).ln_1p() / self.t }
     }
+
+    /// The same for a complex eigenvalue `mu + i·part`: real and imaginary part of `−ln(1 − t(μ + ib))/t`.
+    #[must_use]
+    pub fn corrected_complex(&self, mu: f64, part: f64) -> (f64, f64) {
+        if part == 0.0 || self.t * mu >= 1.0 {
+            return (self.corrected(mu), part);
+        }
+        let (x, y) = (self.t * mu, self.t * part);
+        (-0.5 * (x * (x - 2.0) + y * y).ln_1p() / self.t, y.atan2(1.0 - x) / self.t)
+    }
+}
+
+/// Share of the second moment of a k-dimensional Gaussian beyond the radius δ, `x = δ²/4t`: the regularised upper
+/// incomplete gamma function `Q(k/2 + 1, x)`, for k = 2 `exp(−x)(1 + x)`.
+fn second_moment_beyond(x: f64, dimension: usize) -> f64 {
+    let decay = (-x).exp();
+    let odd = || libm::erfc(x.sqrt()) + 2.0 * (x / std::f64::consts::PI).sqrt() * decay;
+    match dimension {
+        1 => odd(),
+        2 => decay * (1.0 + x),
+        _ => odd() + 4.0 / 3.0 * x * (x / std::f64::consts::PI).sqrt() * decay,
+    }
 }
 
 /// `S` with `s_ij = −a_i a_j · factor · exp(−|p_i−p_j|²/4t)` for `|p_i−p_j| ≤ δ` and `couples(i, j)`, which must be
-/// symmetric [PBMHB eq. 3.5–3.7].
+/// symmetric [PBMHB eq. 3.5–3.7]. Points of weight 0 are coupled to nothing.
 ///
 /// # Errors
 /// [`Canceled`].
@@ -52,15 +85,19 @@ pub fn stiffness(
     kernel: HeatKernel,
     couples: impl Fn(usize, usize) -> bool + Sync + Send,
     progress: &Progress,
-) -> Result<SymmetricSparse, Canceled> {
+) -> Result<Sparse, Canceled> {
     let n = points.len();
     let (factor, exponent) = (kernel.factor(), -0.25 / kernel.t);
-    SymmetricSparse::stiffness(
+    Sparse::stiffness(
         n,
         Vec::new,
         |i, neighbors, row| {
+            if weights[i] == 0.0 {
+                return;
+            }
             tree.within(points, i, kernel.delta, neighbors);
-            row.extend(neighbors.iter().filter(|q| couples(i, q.index as usize)).map(|q| {
+            let coupled = |q: usize| weights[q] > 0.0 && couples(i, q);
+            row.extend(neighbors.iter().filter(|q| coupled(q.index as usize)).map(|q| {
                 let weight = (weights[i] * weights[q.index as usize]) * factor;
                 (q.index, weight * (exponent * q.squared_distance).exp())
             }));
@@ -75,26 +112,36 @@ mod tests {
 
     #[test]
     fn the_correction_inverts_the_heat_kernels_eigenvalue() {
-        let kernel = HeatKernel { t: 0.01, delta: 1.0, truncation_compensation: false };
+        let kernel = HeatKernel { t: 0.01, delta: 1.0, truncation_compensation: false, dimension: 2 };
         for lambda in [0.0, 2.0, 110.0] {
             let mu = -f64::exp_m1(-kernel.t * lambda) / kernel.t;
             assert!((kernel.corrected(mu) - lambda).abs() < 1e-12 * (1.0 + lambda));
         }
         assert!(kernel.corrected(100.0).is_infinite());
+        // 1 − t(μ + ib) = exp(−t(3 + 4i)) at t = 0.01
+        let (size, angle) = ((-0.03_f64).exp(), -0.04_f64);
+        let (mu, part) = ((1.0 - size * angle.cos()) / 0.01, -size * angle.sin() / 0.01);
+        let (lambda, imaginary) = kernel.corrected_complex(mu, part);
+        assert!((lambda - 3.0).abs() < 1e-12 && (imaginary - 4.0).abs() < 1e-12);
     }
 
     #[test]
-    fn compensation_restores_the_second_moment_of_the_cut_gaussian() {
-        // ∫ over the disc of radius δ of r²/4 · exp(−r²/4t)/(4πt²) · 2πr dr = 1 when nothing is lost
-        let kernel = HeatKernel { t: 0.3, delta: 1.2, truncation_compensation: true };
-        let steps = 200_000;
-        let dr = kernel.delta / f64::from(steps);
-        let moment: f64 = (0..steps)
-            .map(|step| {
-                let r = (f64::from(step) + 0.5) * dr;
-                0.25 * r * r * (-0.25 * r * r / kernel.t).exp() * 2.0 * std::f64::consts::PI * r * dr
-            })
-            .sum();
-        assert!((moment * kernel.factor() - 1.0).abs() < 1e-8);
+    fn compensation_restores_the_second_moment_of_the_cut_gaussian_in_every_dimension() {
+        // ∫ over the ball of radius δ of r²/2k · exp(−r²/4t)/((4πt)^{k/2} t) dx = 1 when nothing is lost
+        for (dimension, sphere) in
+            [(1, 2.0), (2, 2.0 * std::f64::consts::PI), (3, 4.0 * std::f64::consts::PI)]
+        {
+            let kernel = HeatKernel { t: 0.3, delta: 1.2, truncation_compensation: true, dimension };
+            let steps = 200_000;
+            let dr = kernel.delta / f64::from(steps);
+            let moment: f64 = (0..steps)
+                .map(|step| {
+                    let r = (f64::from(step) + 0.5) * dr;
+                    let shell = sphere * r.powi(dimension as i32 - 1) * dr;
+                    r * r / (2 * dimension) as f64 * (-0.25 * r * r / kernel.t).exp() * shell
+                })
+                .sum();
+            assert!((moment * kernel.factor() - 1.0).abs() < 1e-8, "k = {dimension}");
+        }
     }
 }

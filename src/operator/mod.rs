@@ -3,62 +3,79 @@
 //! Every operator is a pair of stiffness `S` and mass `B`: `L = −B⁻¹ S` approximates the Laplace–Beltrami operator Δ,
 //! and `S h = μ B h` is its eigenproblem. The papers' `Q` is `−S`.
 
+pub mod cotangent;
+pub mod graph;
 pub mod heat_kernel;
+mod kind;
+pub mod mesh;
 pub mod pb_mhb;
+pub mod pcd;
 pub mod sheets;
 pub mod sparse;
 pub mod voronoi;
 
-use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
-
 pub use heat_kernel::HeatKernel;
-pub use sparse::SymmetricSparse;
+pub use kind::{Distance, OperatorKind, Parameterization};
+pub use sparse::Sparse;
 
-/// The operators that can be asked for by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum OperatorKind {
-    /// Symmetrizable Voronoi-weighted heat-kernel operator [PBMHB §3.3–3.4].
-    #[default]
-    PbMhb,
-    /// Finite volumes on tangent-plane Voronoi cells.
-    Voronoi,
+/// What is known about a stiffness matrix from its definition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Structure {
+    /// Symmetric positive semi-definite; on every connected component one function is mapped to zero.
+    SemiDefinite,
+    /// Symmetric, but neither definite nor with a known null space.
+    Symmetric,
+    /// Not symmetric: real eigenvalues and orthogonal eigenvectors are not guaranteed.
+    General,
 }
 
-impl OperatorKind {
-    /// All operators.
-    pub const ALL: [Self; 2] = [Self::PbMhb, Self::Voronoi];
-
-    /// Name in the interface.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::PbMhb => "pb-mhb",
-            Self::Voronoi => "voronoi",
-        }
-    }
-}
-
-/// A symmetrizable discrete Laplace–Beltrami operator.
+/// A discrete Laplace–Beltrami operator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LaplaceBeltrami {
-    /// `S`, n×n: symmetric, positive semi-definite, zero row sums, off-diagonals ≤ 0. Dimensionless for surfaces.
-    pub stiffness: SymmetricSparse,
-    /// Diagonal of `B`, n positive areas in length².
+    /// `S`, n×n, in `length^(k−2)` (k the intrinsic dimension): row sums zero unless `harmonic` or the operator says
+    /// otherwise.
+    pub stiffness: Sparse,
+    /// Diagonal of `B`, n positive masses in `length^k`; of graph operators without unit.
     pub mass: Vec<f64>,
+    /// What `stiffness` is.
+    pub structure: Structure,
+    /// The function that `S` maps to zero, where it is not the constant.
+    pub harmonic: Option<Vec<f64>>,
     /// Present when `μ = (1 − exp(−tλ))/t` rather than λ are the eigenvalues.
     pub heat_kernel: Option<HeatKernel>,
+    /// `1/μ` at the upper end of the spectrum of an operator with long rows, which is flat there: t of a heat kernel.
+    pub plateau: Option<f64>,
 }
 
 impl LaplaceBeltrami {
+    /// An operator with narrow rows, symmetric, positive semi-definite, zero on constants.
+    #[must_use]
+    pub fn narrow(stiffness: Sparse, mass: Vec<f64>) -> Self {
+        Self {
+            stiffness,
+            mass,
+            structure: Structure::SemiDefinite,
+            harmonic: None,
+            heat_kernel: None,
+            plateau: None,
+        }
+    }
+
+    /// A heat-kernel operator, symmetric, positive semi-definite, zero on constants.
+    #[must_use]
+    pub fn diffusive(stiffness: Sparse, mass: Vec<f64>, kernel: HeatKernel) -> Self {
+        Self { heat_kernel: Some(kernel), plateau: Some(kernel.t), ..Self::narrow(stiffness, mass) }
+    }
+
     /// The operator on the points of `keep` (ascending), which must be a union of connected components.
     #[must_use]
     pub fn restricted_to(&self, keep: &[u32]) -> Self {
+        let select = |values: &Vec<f64>| keep.iter().map(|&i| values[i as usize]).collect();
         Self {
             stiffness: self.stiffness.restricted_to(keep),
-            mass: keep.iter().map(|&i| self.mass[i as usize]).collect(),
-            heat_kernel: self.heat_kernel,
+            mass: select(&self.mass),
+            harmonic: self.harmonic.as_ref().map(select),
+            ..*self
         }
     }
 }

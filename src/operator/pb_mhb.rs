@@ -35,6 +35,6 @@ pub fn build(
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, Canceled> {
     let couples = |i, j| sheets.is_none_or(|sheets| sheets.same(i, j));
-    let stiffness = heat_kernel::stiffness(points, tree, &cells.area, kernel, couples, progress)?;
-    Ok(LaplaceBeltrami { stiffness, mass: cells.area.clone(), heat_kernel: Some(kernel) })
+    let stiffness = heat_kernel::stiffness(points, tree, &cells.volume, kernel, couples, progress)?;
+    Ok(LaplaceBeltrami::diffusive(stiffness, cells.volume.clone(), kernel))
 }

@@ -1,7 +1,7 @@
 //! Which near points lie on the same sheet of the surface.
 
 use crate::geometry::{Cells, Frames};
-use crate::operator::SymmetricSparse;
+use crate::operator::Sparse;
 
 /// Tangent frames of one handedness, as far as the surface allows it.
 ///
@@ -30,9 +30,9 @@ impl Sheets {
     /// Propagates handedness over the edges of common cell walls, best agreeing pairs first (the minimum spanning
     /// tree of Hoppe et al. 1992, by a union-find that carries the sign).
     #[must_use]
-    pub fn orient(mut frames: Frames, cells: &Cells, walls: &SymmetricSparse) -> Self {
+    pub fn orient(mut frames: Frames, cells: &Cells, walls: &Sparse) -> Self {
         let n = walls.rows();
-        debug_assert_eq!(n, cells.area.len());
+        debug_assert_eq!(n, cells.volume.len());
         let mut edges: Vec<(f64, u32, u32)> = (0..n)
             .flat_map(|i| walls.neighbors(i).filter(move |&j| (i as u32) < j).map(move |j| (i as u32, j)))
             .map(|(i, j)| (frames.agreement(i as usize, j as usize), i, j))

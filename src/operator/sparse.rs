@@ -1,24 +1,25 @@
-//! A symmetric sparse matrix, both triangles stored, compressed by rows.
+//! A square sparse matrix, compressed by rows.
 
 use rayon::prelude::*;
 
 /// Rows assembled or multiplied by one task.
 const ROWS_PER_TASK: usize = 512;
 
-/// An n×n symmetric matrix; the columns of every row ascend and contain the diagonal.
+/// An n×n matrix; the columns of every row ascend and contain the diagonal. Of a symmetric matrix both triangles are
+/// stored.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SymmetricSparse {
+pub struct Sparse {
     offsets: Vec<usize>,
     columns: Vec<u32>,
     values: Vec<f64>,
 }
 
-impl SymmetricSparse {
-    /// A stiffness matrix from symmetric non-negative weights: `−w_ij` beside the diagonal, row sums zero.
+impl Sparse {
+    /// A stiffness matrix from non-negative weights: `−w_ij` beside the diagonal, row sums zero.
     ///
-    /// `weights(i, row)` appends the neighbours `j ≠ i` of row `i` with their weights, by ascending index; it must
-    /// give the same bits for `(i, j)` and `(j, i)`. `rows_done` is called after every stretch of rows and may stop
-    /// the assembly.
+    /// `weights(i, scratch, row)` appends the neighbours `j ≠ i` of row `i` with their weights, by ascending index;
+    /// for a symmetric matrix it must give the same bits for `(i, j)` and `(j, i)`. `rows_done` is called after every
+    /// stretch of rows and may stop the assembly.
     ///
     /// # Errors
     /// Those of `rows_done`.
@@ -26,6 +27,31 @@ impl SymmetricSparse {
         n: usize,
         scratch: impl Fn() -> T + Sync + Send,
         weights: impl Fn(usize, &mut T, &mut Vec<(u32, f64)>) + Sync + Send,
+        rows_done: impl FnMut(usize) -> Result<(), E>,
+    ) -> Result<Self, E> {
+        Self::from_rows(
+            n,
+            scratch,
+            |i, scratch, row| {
+                weights(i, scratch, row);
+                let diagonal: f64 = row.iter().map(|&(_, w)| w).sum();
+                row.iter_mut().for_each(|(_, w)| *w = -*w);
+                let before = row.partition_point(|&(j, _)| (j as usize) < i);
+                row.insert(before, (i as u32, diagonal));
+            },
+            rows_done,
+        )
+    }
+
+    /// A matrix from its rows: `entries(i, scratch, row)` appends the entries of row `i`, the diagonal among them, by
+    /// ascending column.
+    ///
+    /// # Errors
+    /// Those of `rows_done`.
+    pub fn from_rows<T: Send, E>(
+        n: usize,
+        scratch: impl Fn() -> T + Sync + Send,
+        entries: impl Fn(usize, &mut T, &mut Vec<(u32, f64)>) + Sync + Send,
         mut rows_done: impl FnMut(usize) -> Result<(), E>,
     ) -> Result<Self, E> {
         let mut matrix = Self { offsets: vec![0], columns: Vec::new(), values: Vec::new() };
@@ -43,7 +69,7 @@ impl SymmetricSparse {
                     |(scratch, row), first| {
                         assemble(
                             first..end.min(first + ROWS_PER_TASK),
-                            |i, row| weights(i, scratch, row),
+                            |i, row| entries(i, scratch, row),
                             row,
                         )
                     },
@@ -116,6 +142,62 @@ impl SymmetricSparse {
         }
     }
 
+    /// `D A` for the diagonal matrix `D`, in place.
+    pub fn scale_rows(&mut self, diagonal: &[f64]) {
+        for (i, d) in diagonal.iter().enumerate() {
+            self.values[self.offsets[i]..self.offsets[i + 1]].iter_mut().for_each(|x| *x *= d);
+        }
+    }
+
+    /// `½(A + Aᵀ)`.
+    #[must_use]
+    pub fn symmetric_part(&self) -> Self {
+        let n = self.rows();
+        let mut transposed: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
+        for i in 0..n {
+            let (columns, values) = self.row(i);
+            for (&j, &value) in columns.iter().zip(values) {
+                transposed[j as usize].push((i as u32, value));
+            }
+        }
+        let mut sum = Self { offsets: vec![0], columns: Vec::new(), values: Vec::new() };
+        for (i, other) in transposed.iter().enumerate() {
+            let (columns, values) = self.row(i);
+            let mut other = other.iter().copied().peekable();
+            let mut push = |j: u32, value: f64| {
+                sum.columns.push(j);
+                sum.values.push(0.5 * value);
+            };
+            for (&j, &value) in columns.iter().zip(values) {
+                while let Some((k, extra)) = other.next_if(|&(k, _)| k < j) {
+                    push(k, extra);
+                }
+                let extra = other.next_if(|&(k, _)| k == j).map_or(0.0, |(_, extra)| extra);
+                push(j, value + extra);
+            }
+            other.for_each(|(k, extra)| push(k, extra));
+            sum.offsets.push(sum.columns.len());
+        }
+        sum
+    }
+
+    /// `A x`.
+    ///
+    /// # Panics
+    /// Unless `x` has n entries.
+    #[must_use]
+    pub fn product(&self, x: &[f64]) -> Vec<f64> {
+        assert_eq!(x.len(), self.rows());
+        (0..self.rows())
+            .into_par_iter()
+            .with_min_len(ROWS_PER_TASK)
+            .map(|i| {
+                let (columns, values) = self.row(i);
+                columns.iter().zip(values).map(|(&j, value)| value * x[j as usize]).sum()
+            })
+            .collect()
+    }
+
     /// The principal submatrix of the rows in `keep` (ascending).
     #[must_use]
     pub fn restricted_to(&self, keep: &[u32]) -> Self {
@@ -138,26 +220,46 @@ impl SymmetricSparse {
     }
 }
 
-/// Rows `rows` of a stiffness matrix: their lengths, columns and values.
+/// Rows `rows`: their lengths, columns and values.
 fn assemble(
     rows: std::ops::Range<usize>,
-    mut weights: impl FnMut(usize, &mut Vec<(u32, f64)>),
+    mut entries: impl FnMut(usize, &mut Vec<(u32, f64)>),
     row: &mut Vec<(u32, f64)>,
 ) -> (Vec<usize>, Vec<u32>, Vec<f64>) {
     let (mut lengths, mut columns, mut values) = (Vec::with_capacity(rows.len()), Vec::new(), Vec::new());
     for i in rows {
         row.clear();
-        weights(i, row);
-        let diagonal: f64 = row.iter().map(|&(_, w)| w).sum();
-        let before = row.partition_point(|&(j, _)| (j as usize) < i);
-        let mut push = |j: u32, value: f64| {
-            columns.push(j);
-            values.push(value);
-        };
-        row[..before].iter().for_each(|&(j, w)| push(j, -w));
-        push(i as u32, diagonal);
-        row[before..].iter().for_each(|&(j, w)| push(j, -w));
-        lengths.push(row.len() + 1);
+        entries(i, row);
+        columns.extend(row.iter().map(|&(j, _)| j));
+        values.extend(row.iter().map(|&(_, value)| value));
+        lengths.push(row.len());
     }
     (lengths, columns, values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn matrix(rows: &[&[(u32, f64)]]) -> Sparse {
+        let all = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| row.extend_from_slice(rows[i]);
+        Sparse::from_rows(rows.len(), || (), all, |_| Ok::<(), ()>(())).unwrap()
+    }
+
+    #[test]
+    fn the_symmetric_part_averages_a_matrix_with_its_transpose() {
+        let skew = matrix(&[&[(0, 1.0), (1, 4.0)], &[(1, 2.0), (2, 6.0)], &[(0, 8.0), (2, 3.0)]]);
+        let expected = matrix(&[
+            &[(0, 1.0), (1, 2.0), (2, 4.0)],
+            &[(0, 2.0), (1, 2.0), (2, 3.0)],
+            &[(0, 4.0), (1, 3.0), (2, 3.0)],
+        ]);
+        assert_eq!(skew.symmetric_part(), expected);
+    }
+
+    #[test]
+    fn a_product_with_a_vector_sums_along_rows() {
+        let skew = matrix(&[&[(0, 1.0), (1, 4.0)], &[(1, 2.0)]]);
+        assert_eq!(skew.product(&[1.0, 10.0]), [41.0, 20.0]);
+    }
 }

@@ -1,9 +1,9 @@
-//! Finite volumes on the tangent-plane Voronoi cells; ours, not in the papers.
+//! Finite volumes on the tangent-space Voronoi cells; ours, not in the papers.
 //!
-//! `w_pq = |edge_pq| / |p − q|`, 6 to 7 nonzeros a row. It converges weakly (spectra), not pointwise, and serves the
+//! `w_pq = |facet_pq| / |p − q|`, on a surface 6 to 7 nonzeros a row. It converges weakly (spectra), not pointwise, and serves the
 //! kernel operators as preconditioner and start.
 
-use super::SymmetricSparse;
+use super::Sparse;
 use crate::geometry::Cells;
 use crate::progress::{Canceled, Progress};
 
@@ -11,8 +11,8 @@ use crate::progress::{Canceled, Progress};
 ///
 /// # Errors
 /// [`Canceled`].
-pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<SymmetricSparse, Canceled> {
-    let n = cells.area.len();
+pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<Sparse, Canceled> {
+    let n = cells.volume.len();
     // walls that only the neighbour sees
     let mut unseen: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
     for (p, walls) in cells.conductance.iter().enumerate() {
@@ -23,7 +23,7 @@ pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<SymmetricSparse, 
             }
         }
     }
-    SymmetricSparse::stiffness(
+    Sparse::stiffness(
         n,
         || (),
         |p, (), row| {

@@ -7,7 +7,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-use crate::operator::SymmetricSparse;
+use crate::operator::Sparse;
 
 /// Rows of one dense product: with 300 columns a chunk stays in the second-level cache.
 const CHUNK_ROWS: usize = 512;
@@ -163,7 +163,7 @@ pub fn replace_by_product(a: &mut Block, m: MatRef<'_, f64>) {
 }
 
 /// `Y = A X` for a sparse symmetric `A`; `Y` takes `X`'s number of columns.
-pub fn sparse_product(y: &mut Block, a: &SymmetricSparse, x: &Block) {
+pub fn sparse_product(y: &mut Block, a: &Sparse, x: &Block) {
     y.set_columns(x.columns);
     let (width, columns) = (y.width, y.columns);
     y.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {

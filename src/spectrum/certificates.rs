@@ -61,11 +61,31 @@ pub fn residuals(problem: &Problem, pairs: &Eigenpairs) -> Vec<f64> {
                 *r -= value * x;
             }
         });
+        subtract_partners(&mut product, pairs, first, count);
         all.extend(
             column_norms(&product).iter().zip(values).map(|(norm, value)| norm / (value + problem.shift)),
         );
     }
     all
+}
+
+/// The part of the residual that mixes the two columns of a conjugate pair: `A(u + iv) = (a + ib)(u + iv)` is
+/// `A u = a u − b v`, `A v = a v + b u`.
+fn subtract_partners(product: &mut Block, pairs: &Eigenpairs, first: usize, count: usize) {
+    let parts: Vec<(usize, f64)> = (first..first + count)
+        .filter_map(|j| pairs.imaginary.get(j).filter(|b| **b != 0.0).map(|b| (j, *b)))
+        .collect();
+    if parts.is_empty() {
+        return;
+    }
+    product.for_each_row(|i, row| {
+        let y = pairs.vectors.row(i);
+        for &(j, b) in &parts {
+            // b is positive for the first of a pair, whose partner follows, and negative for the second
+            let partner = if b > 0.0 { j + 1 } else { j - 1 };
+            row[j - first] += b * y[partner];
+        }
+    });
 }
 
 /// `max |YᵀY − I|`.

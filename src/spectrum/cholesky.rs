@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::SpectrumError;
 use super::block::Block;
-use crate::operator::SymmetricSparse;
+use crate::operator::Sparse;
 
 /// Right-hand sides solved together by one thread: enough to make the factor's reading worth while, few enough to
 /// stay in cache. A fixed number, since a column's last bits depend on the width of its group.
@@ -34,7 +34,7 @@ impl Symbolic {
     ///
     /// # Errors
     /// [`SpectrumError::Factorization`] when the matrix or its factor has more entries than can be indexed.
-    pub fn analyze(matrix: &SymmetricSparse, order: &[u32]) -> Result<Self, SpectrumError> {
+    pub fn analyze(matrix: &Sparse, order: &[u32]) -> Result<Self, SpectrumError> {
         let fail = |what: &str| SpectrumError::Factorization(format!("symbolic analysis: {what}"));
         if u32::try_from(matrix.nonzeros()).is_err() {
             return Err(fail("more than 2^32 entries"));
@@ -66,7 +66,7 @@ impl Symbolic {
     ///
     /// # Errors
     /// [`SpectrumError::Factorization`] when the matrix is not positive definite or the probe fails.
-    pub fn factor(&self, matrix: &SymmetricSparse, shift: f64) -> Result<Cholesky<'_>, SpectrumError> {
+    pub fn factor(&self, matrix: &Sparse, shift: f64) -> Result<Cholesky<'_>, SpectrumError> {
         let values = shifted(matrix, shift);
         let a = SparseColMatRef::new(self.pattern(matrix), &values);
         let mut factor = vec![0.0; self.symbolic.len_val()];
@@ -96,11 +96,7 @@ impl Symbolic {
     ///
     /// # Errors
     /// [`SpectrumError::Factorization`] when memory cannot be had.
-    pub fn eigenvalues_below(
-        &self,
-        matrix: &SymmetricSparse,
-        bound: f64,
-    ) -> Result<Option<usize>, SpectrumError> {
+    pub fn eigenvalues_below(&self, matrix: &Sparse, bound: f64) -> Result<Option<usize>, SpectrumError> {
         let values = shifted(matrix, -bound);
         let a = SparseColMatRef::new(self.pattern(matrix), &values);
         let mut factor = vec![0.0; self.symbolic.len_val()];
@@ -147,7 +143,7 @@ impl Symbolic {
         }
     }
 
-    fn pattern<'a>(&'a self, matrix: &'a SymmetricSparse) -> SymbolicSparseColMatRef<'a, u32> {
+    fn pattern<'a>(&'a self, matrix: &'a Sparse) -> SymbolicSparseColMatRef<'a, u32> {
         let n = matrix.rows();
         SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, matrix.columns())
     }
@@ -163,7 +159,7 @@ fn allocate(size: faer::dyn_stack::StackReq) -> Result<MemBuffer, SpectrumError>
 }
 
 /// Values of `A + shift·I`.
-fn shifted(matrix: &SymmetricSparse, shift: f64) -> Vec<f64> {
+fn shifted(matrix: &Sparse, shift: f64) -> Vec<f64> {
     let mut values = matrix.values().to_vec();
     for (i, span) in matrix.offsets().windows(2).enumerate() {
         let columns = &matrix.columns()[span[0]..span[1]];
@@ -174,7 +170,7 @@ fn shifted(matrix: &SymmetricSparse, shift: f64) -> Vec<f64> {
 }
 
 /// `|(A + shift·I) x − b| / |b|` for the solution of a system whose right-hand side touches every row.
-fn probe(matrix: &SymmetricSparse, shift: f64, solve: impl FnOnce(&mut Mat<f64>)) -> f64 {
+fn probe(matrix: &Sparse, shift: f64, solve: impl FnOnce(&mut Mat<f64>)) -> f64 {
     let n = matrix.rows();
     let b = |i: usize| super::start::hashed(i, usize::MAX);
     let mut x = Mat::from_fn(n, 1, |i, _| b(i));

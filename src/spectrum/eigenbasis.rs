@@ -18,7 +18,7 @@ impl Eigenbasis {
     #[must_use]
     pub fn new(problem: &Problem, pairs: Eigenpairs) -> Self {
         let inverse_root_mass: Vec<f64> = problem.root_mass.iter().map(|m| 1.0 / m).collect();
-        let signs = (0..pairs.values.len())
+        let mut signs: Vec<f64> = (0..pairs.values.len())
             .into_par_iter()
             .map(|j| {
                 let largest = (0..inverse_root_mass.len())
@@ -28,6 +28,12 @@ impl Eigenbasis {
                 if largest < 0.0 { -1.0 } else { 1.0 }
             })
             .collect();
+        // the two parts of a complex eigenvector turn together
+        for j in 1..signs.len() {
+            if pairs.imaginary.get(j).is_some_and(|b| *b < 0.0) {
+                signs[j] = signs[j - 1];
+            }
+        }
         Self { pairs, signs, inverse_root_mass }
     }
 

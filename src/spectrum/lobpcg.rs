@@ -21,12 +21,12 @@ const ITERATIONS_MAX: usize = 200;
 pub struct Preconditioner<'a> {
     /// Factor of the narrow operator.
     pub factor: &'a Cholesky<'a>,
-    /// t in length².
+    /// t in length²: of any operator with long rows the inverse of its largest eigenvalues.
     pub t: f64,
 }
 
 impl Preconditioner<'_> {
-    fn apply(&self, r: &mut Block) {
+    pub(super) fn apply(&self, r: &mut Block) {
         let residual = r.clone();
         self.factor.solve(r);
         r.for_each_row(|i, row| {
@@ -70,7 +70,7 @@ pub fn solve(
         if worst <= tolerance {
             let Space { mut basis, values, .. } = space;
             basis.set_columns(values.len());
-            return Ok(Eigenpairs { values, vectors: basis });
+            return Ok(Eigenpairs::real(values, basis));
         }
         let from = *first_worst.get_or_insert(worst);
         progress.advance(share(((from / worst).ln() / (from / tolerance).ln()).clamp(0.0, 1.0)))?;
@@ -165,7 +165,7 @@ fn step(
 }
 
 /// Coefficients of P: what the active Ritz vectors gained outside the old X, orthogonal to the new X.
-fn new_directions(
+pub(super) fn new_directions(
     best: MatRef<'_, f64>,
     columns: usize,
     active: &[usize],

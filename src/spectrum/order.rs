@@ -1,6 +1,6 @@
 //! Geometric nested dissection: a fill-reducing elimination order from the points' positions.
 
-use crate::operator::SymmetricSparse;
+use crate::operator::Sparse;
 
 /// Parts of at most this many points are not split further.
 const LEAF: usize = 64;
@@ -12,7 +12,7 @@ const LEAF: usize = 64;
 /// row in the factor at 600,000 points.
 ///
 /// `position(i)` are the coordinates of row `i` of `matrix`.
-pub fn nested_dissection<'a>(matrix: &SymmetricSparse, position: impl Fn(u32) -> &'a [f64]) -> Vec<u32> {
+pub fn nested_dissection<'a>(matrix: &Sparse, position: impl Fn(u32) -> &'a [f64]) -> Vec<u32> {
     let n = matrix.rows();
     let mut order = Vec::with_capacity(n);
     // 0: in neither half; otherwise the number of the split that put it to the right

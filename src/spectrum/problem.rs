@@ -4,57 +4,61 @@ use rayon::prelude::*;
 
 use super::block::Block;
 use crate::geometry::{Components, components};
-use crate::operator::{LaplaceBeltrami, SymmetricSparse};
+use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 
 /// Rows summed by one task; fixed, so that sums repeat bit for bit.
 const ROWS_PER_TASK: usize = 8_192;
 
-/// Share of the first non-zero eigenvalue scale `4π/area` that is taken as the shift σ.
+/// Share of the first non-zero eigenvalue's size that is taken as the shift σ.
 const SHIFT: f64 = 0.3;
 
-/// `A = B^-½ S B^-½` with its known null space: one vector `B^½ 1` per connected component.
+/// `A = B^-½ S B^-½` with its known null space: for a semi-definite operator one vector per connected component,
+/// `B^½ 1` unless the operator names another function.
 #[derive(Debug, Clone)]
 pub struct Problem {
-    /// `A`, symmetric positive semi-definite, in 1/length².
-    pub matrix: SymmetricSparse,
+    /// `A`, in the unit of μ.
+    pub matrix: Sparse,
+    /// What `A` is.
+    pub structure: Structure,
     /// Roots of the masses.
     pub root_mass: Vec<f64>,
     /// Connected components of the operator's graph.
     pub components: Components,
-    /// σ > 0 in 1/length²: keeps shifted matrices away from the null space.
+    /// σ > 0 in the unit of μ: keeps shifted matrices away from the null space.
     pub shift: f64,
-    /// `‖B^½ 1‖` on every component.
-    null_norms: Vec<f64>,
+    /// The null vectors, of norm 1 on every component.
+    null: Vec<f64>,
 }
 
 impl Problem {
-    /// Scales the stiffness of an operator.
+    /// Scales the stiffness of an operator whose first non-zero eigenvalues are of the size of `first_eigenvalue`.
     #[must_use]
-    pub fn new(laplacian: LaplaceBeltrami) -> Self {
-        let LaplaceBeltrami { stiffness: mut matrix, mass, .. } = laplacian;
+    pub fn new(laplacian: LaplaceBeltrami, first_eigenvalue: f64) -> Self {
+        let LaplaceBeltrami { stiffness: mut matrix, mass, structure, harmonic, .. } = laplacian;
         let found = components(matrix.rows(), |i| matrix.neighbors(i));
-        let mut area = vec![0.0; found.size.len()];
-        for (&label, m) in found.label.iter().zip(&mass) {
-            area[label as usize] += m;
-        }
         let root_mass: Vec<f64> = mass.iter().map(|m| m.sqrt()).collect();
         let inverse: Vec<f64> = root_mass.iter().map(|m| 1.0 / m).collect();
         matrix.scale_both_sides(&inverse);
-        // Weyl's law gives the first eigenvalues of a closed surface the size of 4π/area
-        let shift = SHIFT * 4.0 * std::f64::consts::PI / area.iter().sum::<f64>();
-        let null_norms = area.iter().map(|a| a.sqrt()).collect();
-        Self { matrix, root_mass, components: found, shift, null_norms }
+        let mut null = root_mass.clone();
+        if let Some(harmonic) = harmonic {
+            null.iter_mut().zip(harmonic).for_each(|(x, h)| *x *= h);
+        }
+        let mut squared = vec![0.0; found.size.len()];
+        found.label.iter().zip(&null).for_each(|(&label, x)| squared[label as usize] += x * x);
+        null.iter_mut().zip(&found.label).for_each(|(x, &label)| *x /= squared[label as usize].sqrt());
+        Self { matrix, structure, root_mass, components: found, shift: SHIFT * first_eigenvalue, null }
     }
 
-    /// The problem of another operator with the same masses and null space.
+    /// The problem of a semi-definite operator with the same masses and null space.
     #[must_use]
-    pub fn with_matrix(&self, matrix: SymmetricSparse) -> Self {
+    pub fn with_matrix(&self, matrix: Sparse) -> Self {
         Self {
             matrix,
+            structure: Structure::SemiDefinite,
             root_mass: self.root_mass.clone(),
             components: self.components.clone(),
             shift: self.shift,
-            null_norms: self.null_norms.clone(),
+            null: self.null.clone(),
         }
     }
 
@@ -67,12 +71,7 @@ impl Problem {
     /// Number of zero eigenvalues.
     #[must_use]
     pub fn zero_modes(&self) -> usize {
-        self.null_norms.len()
-    }
-
-    /// Entry of the null vector of a point's component, which has norm 1.
-    fn null_entry(&self, i: usize) -> f64 {
-        self.root_mass[i] / self.null_norms[self.components.label[i] as usize]
+        self.components.size.len()
     }
 
     /// Writes the null vectors of components `0 .. count` into the first columns of `block`.
@@ -81,7 +80,7 @@ impl Problem {
             let component = self.components.label[i] as usize;
             row[..count].fill(0.0);
             if component < count {
-                row[component] = self.null_entry(i);
+                row[component] = self.null[i];
             }
         });
     }
@@ -97,7 +96,7 @@ impl Problem {
                 || vec![0.0; zero_modes * width],
                 |mut sums, first| {
                     for i in first..block.rows().min(first + ROWS_PER_TASK) {
-                        let entry = self.null_entry(i);
+                        let entry = self.null[i];
                         let start = self.components.label[i] as usize * width;
                         for (sum, x) in sums[start..start + width].iter_mut().zip(block.row(i)) {
                             *sum += entry * x;
@@ -114,7 +113,7 @@ impl Problem {
             }
         }
         block.for_each_row(|i, row| {
-            let entry = self.null_entry(i);
+            let entry = self.null[i];
             let start = self.components.label[i] as usize * width;
             for (x, t) in row.iter_mut().zip(&total[start..start + width]) {
                 *x -= entry * t;

@@ -213,13 +213,13 @@ pub fn rayleigh_ritz(problem: &Problem, mut vectors: Block) -> Result<Eigenpairs
     sparse_product(&mut product, &problem.matrix, &vectors);
     let (values, coefficients) = eigen(gram(&vectors, &product).as_ref())?;
     replace_by_product(&mut vectors, coefficients.as_ref());
-    Ok(Eigenpairs { values, vectors })
+    Ok(Eigenpairs::real(values, vectors))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::operator::{LaplaceBeltrami, SymmetricSparse};
+    use crate::operator::{LaplaceBeltrami, Sparse};
     use crate::spectrum::cholesky::Symbolic;
 
     /// The 5-point stencil on a `side × side` grid with unit masses: eigenvalues
@@ -237,14 +237,13 @@ mod tests {
             push(x + 1 < side, i + 1);
             push(y + 1 < side, i + side);
         };
-        let stiffness = SymmetricSparse::stiffness(
-            side * side,
-            || (),
-            weights,
-            |_| Ok::<_, std::convert::Infallible>(()),
+        let stiffness =
+            Sparse::stiffness(side * side, || (), weights, |_| Ok::<_, std::convert::Infallible>(()))
+                .unwrap();
+        Problem::new(
+            LaplaceBeltrami::narrow(stiffness, vec![1.0; side * side]),
+            4.0 * std::f64::consts::PI / (side * side) as f64,
         )
-        .unwrap();
-        Problem::new(LaplaceBeltrami { stiffness, mass: vec![1.0; side * side], heat_kernel: None })
     }
 
     #[test]

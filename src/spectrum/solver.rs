@@ -6,10 +6,11 @@ use utoipa::ToSchema;
 use super::block::Block;
 use super::certificates::{self, Certificates, MissedCheck};
 use super::cholesky::{Cholesky, Symbolic};
+use super::general::GeneralPairs;
 use super::lobpcg::{self, Preconditioner};
 use super::order::nested_dissection;
-use super::{Eigenpairs, Problem, SpectrumError, dense, shift_invert};
-use crate::operator::{HeatKernel, SymmetricSparse};
+use super::{Eigenpairs, Problem, SpectrumError, dense, invariant, shift_invert};
+use crate::operator::{Sparse, Structure};
 use crate::progress::{Phase, Progress};
 
 /// Problems of at most this many points are solved densely.
@@ -20,6 +21,9 @@ const DENSE_SHARE: f64 = 0.2;
 
 /// Largest order that is solved densely: 8 n² bytes thrice and 10 n³ operations.
 pub const DENSE_POINTS_MAX: usize = 5_000;
+
+/// The same for operators without symmetry, which take 25 n³ operations.
+pub const DENSE_POINTS_MAX_GENERAL: usize = 1_500;
 
 /// Entries of the factor, per row, up to which a wide operator is factored too.
 const DIRECT_ENTRIES_PER_ROW: usize = 320;
@@ -41,6 +45,8 @@ pub enum Method {
     ShiftInvert,
     /// LOBPCG preconditioned by the finite-volume operator's factor.
     Lobpcg,
+    /// The same iteration with a Schur form, for operators that are not symmetric or not definite.
+    InvariantSubspace,
 }
 
 /// What a solve needs beside the problem.
@@ -52,9 +58,11 @@ pub struct Request<'a, P> {
     /// Position of a point, for the elimination order.
     pub position: P,
     /// `B^-½ S B^-½` of a narrow operator on the same points and masses, for kernel operators.
-    pub narrow: Option<&'a SymmetricSparse>,
-    /// The kernel, for kernel operators.
-    pub heat_kernel: Option<HeatKernel>,
+    pub narrow: Option<&'a Sparse>,
+    /// `1/μ` at the upper end of the spectrum of operators with long rows: t of a heat kernel.
+    pub plateau: Option<f64>,
+    /// Whether μ beyond a share of `1/plateau` says nothing about λ.
+    pub saturates: bool,
 }
 
 /// Eigenpairs with their certificates.
@@ -79,6 +87,9 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
     let (n, count) = (problem.size(), request.count);
+    if problem.structure != Structure::SemiDefinite {
+        return general_solve(problem, request, progress);
+    }
     let dense = n <= DENSE_POINTS || (count as f64 > DENSE_SHARE * n as f64 && n <= DENSE_POINTS_MAX);
     if dense {
         progress.enter(Phase::Eigenpairs)?;
@@ -95,9 +106,9 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
         return Ok(certified(problem, pairs, request, Method::ShiftInvert, (Some(0), MissedCheck::Inertia)));
     }
     let direct = match request.narrow {
-        None => Some(analyze(problem, &problem.matrix, request)?),
+        None => Some(analyze(&problem.matrix, request)?),
         Some(_) if problem.matrix.nonzeros() / n > 200 => None,
-        Some(_) => Some(analyze(problem, &problem.matrix, request)?)
+        Some(_) => Some(analyze(&problem.matrix, request)?)
             .filter(|s| s.factor_entries() / n <= DIRECT_ENTRIES_PER_ROW),
     };
     match (direct, request.narrow) {
@@ -108,8 +119,7 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
 }
 
 fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
-    _problem: &Problem,
-    matrix: &SymmetricSparse,
+    matrix: &Sparse,
     request: &Request<'_, P>,
 ) -> Result<Symbolic, SpectrumError> {
     Symbolic::analyze(matrix, &nested_dissection(matrix, &request.position))
@@ -159,19 +169,18 @@ fn missed_by_inertia(
 
 fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
     problem: &Problem,
-    narrow: &SymmetricSparse,
+    narrow: &Sparse,
     request: &Request<'_, P>,
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
-    let symbolic = analyze(problem, narrow, request)?;
+    let symbolic = analyze(narrow, request)?;
     progress.advance(0.5)?;
     let factor = symbolic.factor(narrow, problem.shift)?;
     progress.enter(Phase::Eigenpairs)?;
     let wanted = request.count - problem.zero_modes();
     let guard = GUARD_MIN.max((GUARD_SHARE * wanted as f64) as usize);
     let start = narrow_vectors(problem, narrow, &factor, wanted + guard, progress)?;
-    let preconditioner =
-        Preconditioner { factor: &factor, t: request.heat_kernel.map_or(0.0, |kernel| kernel.t) };
+    let preconditioner = Preconditioner { factor: &factor, t: request.plateau.unwrap_or(0.0) };
     let mut pairs =
         lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, |share| {
             0.3 + 0.7 * share
@@ -183,10 +192,64 @@ fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
     Ok(certified(problem, pairs, request, Method::Lobpcg, missed))
 }
 
+/// Eigenpairs of an operator that is not symmetric, or symmetric but not definite.
+fn general_solve<'a, P: Fn(u32) -> &'a [f64]>(
+    problem: &Problem,
+    request: &Request<'_, P>,
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    let (n, count) = (problem.size(), request.count);
+    let dense = n <= DENSE_POINTS || count as f64 > DENSE_SHARE * n as f64;
+    // a conjugate pair must not be cut before its residual is known
+    let (found, vectors, method) = if dense {
+        progress.enter(Phase::Eigenpairs)?;
+        let (found, vectors) = dense::solve_general(problem, count)?;
+        (found, vectors, Method::Dense)
+    } else {
+        let (found, vectors) = general_iteration(problem, request, progress)?;
+        (found, vectors, Method::InvariantSubspace)
+    };
+    progress.enter(Phase::Certificates)?;
+    let GeneralPairs { real: values, imaginary, .. } = found;
+    let mut pairs = Eigenpairs { values, imaginary, vectors };
+    pairs.normalize();
+    let checked = if dense { (Some(0), MissedCheck::Dense) } else { (None, MissedCheck::None) };
+    let mut solution = certified(problem, pairs, request, method, checked);
+    solution.pairs.truncate(count);
+    solution.residuals.truncate(count);
+    Ok(solution)
+}
+
+fn general_iteration<'a, P: Fn(u32) -> &'a [f64]>(
+    problem: &Problem,
+    request: &Request<'_, P>,
+    progress: &Progress,
+) -> Result<(GeneralPairs, Block), SpectrumError> {
+    let Some(narrow) = request.narrow else {
+        return Err(SpectrumError::Factorization("the operator has no narrow companion".into()));
+    };
+    progress.enter(Phase::Factorization)?;
+    let symbolic = analyze(narrow, request)?;
+    progress.advance(0.5)?;
+    let factor = symbolic.factor(narrow, problem.shift)?;
+    progress.enter(Phase::Eigenpairs)?;
+    let zeros = problem.zero_modes();
+    let guard = GUARD_MIN.max((GUARD_SHARE * request.count as f64) as usize);
+    let narrow_start = narrow_vectors(problem, narrow, &factor, request.count + guard, progress)?;
+    let mut start = Block::zeros(problem.size(), zeros + narrow_start.columns());
+    problem.write_null_vectors(&mut start, zeros);
+    start.copy_columns(zeros, &narrow_start, 0, narrow_start.columns());
+    drop(narrow_start);
+    let preconditioner = Preconditioner { factor: &factor, t: request.plateau.unwrap_or(0.0) };
+    invariant::solve(problem, &preconditioner, start, request.count, request.tolerance, progress, |share| {
+        0.3 + 0.7 * share
+    })
+}
+
 /// Eigenvectors of the narrow operator, roughly: the start of the wide one's iteration.
 fn narrow_vectors(
     problem: &Problem,
-    narrow: &SymmetricSparse,
+    narrow: &Sparse,
     factor: &Cholesky<'_>,
     count: usize,
     progress: &Progress,
@@ -218,7 +281,7 @@ fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, count: usize) 
         vectors.copy_columns(zeros, &found.vectors, 0, count - zeros);
         values.extend_from_slice(&found.values[..count - zeros]);
     }
-    Eigenpairs { values, vectors }
+    Eigenpairs::real(values, vectors)
 }
 
 fn certified<P>(
@@ -232,10 +295,16 @@ fn certified<P>(
     let certificates = Certificates {
         orthogonality: certificates::orthogonality(&pairs),
         residual: residuals.iter().copied().fold(0.0, f64::max),
-        zero_modes: problem.zero_modes().min(request.count),
+        zero_modes: match problem.structure {
+            Structure::SemiDefinite => problem.zero_modes().min(request.count),
+            _ => pairs.values.iter().filter(|value| value.abs() <= request.tolerance * problem.shift).count(),
+        },
         missed,
         missed_check,
-        saturation: request.heat_kernel.map(|kernel| kernel.t * pairs.values.last().copied().unwrap_or(0.0)),
+        saturation: request
+            .plateau
+            .filter(|_| request.saturates)
+            .map(|t| t * pairs.values.last().copied().unwrap_or(0.0)),
     };
     Solution { pairs, residuals, certificates, method }
 }

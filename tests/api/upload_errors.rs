@@ -117,14 +117,15 @@ async fn a_value_that_is_not_accepted_is_refused_with_those_that_are() {
         ("bases=0", "bases", "whole number from 1"),
         ("bases=1001", "bases", "1000"),
         ("bases=ten", "bases", "whole number"),
-        ("operator=laplace", "operator", "pb-mhb, voronoi"),
+        ("operator=laplace", "operator", "pb-mhb, voronoi, pcd"),
         ("kind=both", "kind", "eigen, operator"),
         ("tol=-1", "tolerance", "1e-12 to 1e-1"),
         ("t=0", "t", "above 0"),
         ("paper=perhaps", "paper", "true or false"),
         ("format=stl", "format", "ply, obj"),
         ("nonfinite=keep", "nonfinite", "reject, drop"),
-        ("dimension=9", "dimension", "1 to 8"),
+        ("coordinates=9", "coordinates", "1 to 8"),
+        ("dimension=4", "dimension", "1 to 3"),
     ] {
         let refused = refusal(
             &format!("/clouds?{query}"),

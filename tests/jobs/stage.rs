@@ -102,7 +102,9 @@ pub(crate) fn report(points: usize, bases: usize) -> Report {
     Report {
         operator: OperatorKind::Voronoi,
         rows: points,
-        dimension: 3,
+        ambient_dimension: 3,
+        dimension: 2,
+        dimension_estimate: 2,
         points_used: points,
         duplicates: 0,
         nonfinite: 0,
@@ -124,6 +126,7 @@ pub(crate) fn report(points: usize, bases: usize) -> Report {
         warnings: vec!["made up".to_owned()],
         spectrum: Some(Spectrum {
             eigenvalues: list(1.1).into_iter().map(Some).collect(),
+            imaginary_parts: None,
             raw_eigenvalues: list(1.0),
             residuals: list(1e-9),
             clusters: Vec::new(),

@@ -1,0 +1,138 @@
+//! The stage that turns a measured cloud into an operator.
+
+use super::{AnalysisError, Parameters};
+use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Triangles};
+use crate::operator::sheets::Sheets;
+use crate::operator::{
+    HeatKernel, LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd,
+    voronoi,
+};
+use crate::progress::Progress;
+
+/// Most neighbours within δ that an operator may couple per point, on average.
+const COUPLED_MAX: usize = 2_000;
+
+/// Points whose neighbours are counted before the operator is assembled.
+const COUNTED: usize = 256;
+
+/// The measured cloud.
+pub(super) struct Surface<'a> {
+    pub(super) points: &'a Points,
+    pub(super) tree: &'a SearchTree,
+    pub(super) nearest: &'a NearestNeighbors,
+    pub(super) cells: &'a Cells,
+    pub(super) sampling: &'a Sampling,
+    pub(super) triangles: &'a Triangles,
+}
+
+/// An operator, and for one with long rows a companion with short rows and a similar spectrum at its lower end, in the
+/// same scale.
+pub(super) struct Assembled {
+    pub(super) laplacian: LaplaceBeltrami,
+    pub(super) narrow: Option<Sparse>,
+}
+
+/// Assembles the operator that the parameters name.
+pub(super) fn assemble(
+    surface: &Surface<'_>,
+    frames: Frames,
+    parameters: &Parameters,
+    warnings: &mut Vec<String>,
+    progress: &Progress,
+) -> Result<Assembled, AnalysisError> {
+    let Surface { points, tree, cells, sampling, triangles, .. } = *surface;
+    let walls = voronoi::stiffness(cells, progress)?;
+    let kernel = || {
+        let kernel = match parameters.parameterization {
+            Some(Parameterization::NearestTen) => {
+                pcd::nearest_ten(points, surface.nearest, parameters.dimension)
+            }
+            _ => parameters.heat_kernel(sampling.epsilon),
+        };
+        check_coupling(points, tree, kernel.delta).map(|()| kernel)
+    };
+    let volumes = || cells.volume.clone();
+    let (laplacian, narrow) = match parameters.operator {
+        OperatorKind::Voronoi => (LaplaceBeltrami::narrow(walls, volumes()), None),
+        OperatorKind::Cotangent => (cotangent::build(points, triangles, progress)?, None),
+        OperatorKind::PbMhb => {
+            (pb_mhb(surface, frames, &walls, kernel()?, parameters, warnings, progress)?, Some(walls))
+        }
+        OperatorKind::Mesh => {
+            let narrow = cotangent::stiffness(points, triangles, progress)?;
+            (mesh::build(points, tree, triangles, kernel()?, progress)?, Some(narrow))
+        }
+        OperatorKind::Pcd => {
+            let options = parameters.pcd_options(kernel()?);
+            (pcd::build(points, tree, &frames, volumes(), &options, progress)?, Some(walls))
+        }
+        OperatorKind::PcdSymmetrized => {
+            let options = parameters.pcd_options(kernel()?);
+            let laplacian = pcd::build_symmetrized(points, tree, &frames, &options, progress)?;
+            (laplacian, Some(scaled(walls, |i| 1.0 / cells.volume[i].sqrt())))
+        }
+        OperatorKind::WeightedGraph => {
+            let laplacian = graph::weighted(points, tree, kernel()?, progress)?;
+            // its masses are proportional to areas, in a unit of their own
+            let unit = laplacian.mass.iter().sum::<f64>() / sampling.area;
+            (laplacian, Some(scaled(walls, |_| unit.sqrt())))
+        }
+        kind @ (OperatorKind::Graph | OperatorKind::Kirchhoff | OperatorKind::Tutte) => {
+            let delta = parameters.edge_length(sampling.epsilon);
+            check_coupling(points, tree, delta)?;
+            let graph = graph::build(kind, points, tree, &walls, delta, progress)?;
+            (graph.laplacian, Some(graph.narrow))
+        }
+    };
+    Ok(Assembled { laplacian, narrow })
+}
+
+fn pb_mhb(
+    surface: &Surface<'_>,
+    frames: Frames,
+    walls: &Sparse,
+    kernel: HeatKernel,
+    parameters: &Parameters,
+    warnings: &mut Vec<String>,
+    progress: &Progress,
+) -> Result<LaplaceBeltrami, AnalysisError> {
+    let Surface { points, tree, cells, .. } = *surface;
+    let sheets = parameters.additions().sheet_aware.then(|| Sheets::orient(frames, cells, walls));
+    if sheets.as_ref().is_some_and(|sheets| !sheets.is_orientable()) {
+        warnings.push(
+            "the surface could not be oriented; sheets are told apart by the angle of their planes only"
+                .into(),
+        );
+    }
+    Ok(pb_mhb::build(points, tree, cells, sheets.as_ref(), kernel, progress)?)
+}
+
+/// `D A D` with the diagonal `scale`.
+fn scaled(mut matrix: Sparse, scale: impl Fn(usize) -> f64) -> Sparse {
+    let diagonal: Vec<f64> = (0..matrix.rows()).map(scale).collect();
+    matrix.scale_both_sides(&diagonal);
+    matrix
+}
+
+/// Refuses a δ that would couple everything with everything.
+fn check_coupling(points: &Points, tree: &SearchTree, delta: f64) -> Result<(), AnalysisError> {
+    let stride = points.len().div_ceil(COUNTED);
+    let mut neighbors = Vec::new();
+    let (mut counted, mut found) = (0, 0);
+    for i in (0..points.len()).step_by(stride) {
+        tree.within(points, i, delta, &mut neighbors);
+        counted += 1;
+        found += neighbors.len();
+    }
+    if found / counted > COUPLED_MAX && points.len() > COUPLED_MAX {
+        return Err(AnalysisError::Parameter {
+            name: "delta",
+            reason: format!(
+                "the cut-off radius {delta:.4e} reaches {} neighbours per point; at most {COUPLED_MAX} are coupled: \
+                 choose a smaller `delta` or `t`",
+                found / counted
+            ),
+        });
+    }
+    Ok(())
+}
