@@ -4,6 +4,7 @@ mod analyze;
 mod demo;
 mod health;
 mod output;
+mod reproduce;
 mod sample;
 mod serve;
 
@@ -31,6 +32,8 @@ enum Command {
     Analyze(Box<analyze::AnalyzeArgs>),
     /// Write a sample shape with known geometry
     Sample(sample::SampleArgs),
+    /// Reproduce the tables and figures of the papers and compare
+    Reproduce(reproduce::ReproduceArgs),
     /// Ask a running service whether it is alive; exits 0 if so
     Health(health::HealthArgs),
 }
@@ -72,6 +75,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Demo(args) => block_on(demo::run(args)),
         Command::Analyze(args) => analyze::run(&args),
         Command::Sample(args) => sample::run(&args),
+        Command::Reproduce(args) => reproduce::run(&args),
         Command::Health(args) => health::run(&args),
     };
     match result {

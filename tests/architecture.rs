@@ -21,7 +21,7 @@ const ROOMS: [(&str, &[&str]); 12] = [
         &["jobs", "store", "harmonics", "analysis", "spectrum", "operator", "geometry", "cloud", "progress"],
     ),
     ("app", &["http", "jobs", "store", "analysis", "cloud", "progress"]),
-    ("cli", &["app", "analysis", "operator", "cloud", "progress"]),
+    ("cli", &["app", "harmonics", "analysis", "operator", "cloud", "progress"]),
 ];
 
 /// The pure library: usable by itself, without a runtime, a clock or an environment.

@@ -1,0 +1,116 @@
+//! Samples of the papers' shapes, with fixed seeds.
+
+use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
+use chladni::cloud::{NonFinite, PointCloud};
+use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
+
+use crate::cli::Failure;
+
+/// Seed of all random samples.
+const SEED: u64 = 1;
+
+/// A sample of one of the built-in shapes.
+pub(super) fn shape(shape: Shape, points: usize, sampling: Sampling) -> Result<PointCloud, Failure> {
+    let request = SampleRequest { sampling, seed: SEED, ..SampleRequest::new(shape, points) };
+    sample(&request).map_err(Failure::other)
+}
+
+fn cloud(coordinates: Vec<f64>) -> Result<PointCloud, Failure> {
+    PointCloud::new(3, coordinates, NonFinite::Reject).map_err(Failure::other)
+}
+
+/// The unit sphere with a resolution of its own on either hemisphere, `sparse` points below and the rest above the
+/// equator [PBMHB §5.1, Fig. 4c].
+pub(super) fn two_hemispheres(points: usize, sparse: usize) -> Result<PointCloud, Failure> {
+    let half = |count: usize, keep: fn(f64) -> bool| -> Result<Vec<f64>, Failure> {
+        let whole = shape(Shape::Sphere, 2 * count, Sampling::Uniform)?;
+        let kept = whole.coordinates().chunks_exact(3).filter(|p| keep(p[2]));
+        Ok(kept.flatten().copied().collect())
+    };
+    let mut coordinates = half(points - sparse, |z| z > 0.0)?;
+    coordinates.extend(half(sparse, |z| z <= 0.0)?);
+    cloud(coordinates)
+}
+
+/// The open cylinder of radius 1 and height 4 on a grid of 300 by `rows` points [PBMHB §5.1].
+pub(super) fn cylinder(around: usize, rows: usize) -> Result<PointCloud, Failure> {
+    let node = |i: usize, j: usize| {
+        let angle = std::f64::consts::TAU * i as f64 / around as f64;
+        [angle.cos(), angle.sin(), 4.0 * j as f64 / (rows - 1) as f64]
+    };
+    cloud((0..rows).flat_map(|j| (0..around).flat_map(move |i| node(i, j))).collect())
+}
+
+/// The unit square on a grid of `side²` points, folded along v = ½ by `degrees` [PBMHB §5.6]; beside it u and v.
+pub(super) fn folded_square(side: usize, degrees: f64) -> Result<(PointCloud, Vec<[f64; 2]>), Failure> {
+    let (sine, cosine) = degrees.to_radians().sin_cos();
+    let step = 1.0 / (side - 1) as f64;
+    let parameters: Vec<[f64; 2]> =
+        (0..side * side).map(|k| [(k % side) as f64 * step, (k / side) as f64 * step]).collect();
+    let place = |&[u, v]: &[f64; 2]| {
+        let beyond = (v - 0.5).max(0.0);
+        [u, v.min(0.5) + cosine * beyond, sine * beyond]
+    };
+    Ok((cloud(parameters.iter().flat_map(place).collect())?, parameters))
+}
+
+/// A point of the plane with its place in the list.
+struct Vertex {
+    at: Point2<f64>,
+    index: u32,
+}
+
+impl HasPosition for Vertex {
+    type Scalar = f64;
+
+    fn position(&self) -> Point2<f64> {
+        self.at
+    }
+}
+
+fn delaunay(points: impl Iterator<Item = (u32, [f64; 2])>) -> Result<DelaunayTriangulation<Vertex>, Failure> {
+    let vertices = points.map(|(index, [x, y])| Vertex { at: Point2::new(x, y), index }).collect();
+    DelaunayTriangulation::bulk_load(vertices).map_err(Failure::other)
+}
+
+/// The square [-1, 1]² sampled independently, with its Delaunay triangulation [MESH §5].
+pub(super) fn planar_mesh(points: usize) -> Result<PointCloud, Failure> {
+    let square = shape(Shape::Square, points, Sampling::Iid)?;
+    let at: Vec<[f64; 2]> =
+        (0..points).map(|i| [2.0 * square.point(i)[0] - 1.0, 2.0 * square.point(i)[1] - 1.0]).collect();
+    let triangulation = delaunay((0..).zip(at.iter().copied()))?;
+    let faces = triangulation.inner_faces().map(|face| face.vertices().map(|vertex| vertex.data().index));
+    let faces = faces.collect();
+    cloud(at.iter().flat_map(|&[x, y]| [x, y, 0.0]).collect())?.with_faces(faces).map_err(Failure::other)
+}
+
+/// A sample of the unit sphere with its Delaunay triangulation (the convex hull), moved by noise afterwards.
+///
+/// Stereographic projection from one of the points takes circles on the sphere to circles in the plane, and with
+/// them the triangulation; that point is joined to the border.
+pub(super) fn spherical_mesh(points: usize, sampling: Sampling, noise: f64) -> Result<PointCloud, Failure> {
+    let sphere = shape(Shape::Sphere, points, sampling)?;
+    let pole = sphere.point(0).to_vec();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+    // any two axes across the pole
+    let least = (0..3).min_by(|&a, &b| pole[a].abs().total_cmp(&pole[b].abs())).unwrap_or(0);
+    let mut across: Vec<f64> =
+        (0..3).map(|axis| f64::from(u8::from(axis == least)) - pole[least] * pole[axis]).collect();
+    let length = dot(&across, &across).sqrt();
+    across.iter_mut().for_each(|x| *x /= length);
+    let third: Vec<f64> = (0..3)
+        .map(|a| pole[(a + 1) % 3] * across[(a + 2) % 3] - pole[(a + 2) % 3] * across[(a + 1) % 3])
+        .collect();
+    let projected = |i: usize| {
+        let p = sphere.point(i);
+        let away = 1.0 - dot(p, &pole);
+        [dot(p, &across) / away, dot(p, &third) / away]
+    };
+    let triangulation = delaunay((1..points).map(|i| (i as u32, projected(i))))?;
+    let inner = triangulation.inner_faces().map(|face| face.vertices().map(|vertex| vertex.data().index));
+    let border =
+        triangulation.convex_hull().map(|edge| [0, edge.from().data().index, edge.to().data().index]);
+    let faces: Vec<[u32; 3]> = inner.chain(border).collect();
+    let moved = SampleRequest { sampling, noise, seed: SEED, ..SampleRequest::new(Shape::Sphere, points) };
+    sample(&moved).map_err(Failure::other)?.with_faces(faces).map_err(Failure::other)
+}
