@@ -12,6 +12,9 @@ use crate::progress::Progress;
 /// Most neighbours within δ that an operator may couple per point, on average.
 const COUPLED_MAX: usize = 2_000;
 
+/// Fewer entries than this, 2.4 GB of them, are assembled however many there are per point.
+const ENTRIES_MAX: usize = 200_000_000;
+
 /// Points whose neighbours are counted before the operator is assembled.
 const COUNTED: usize = 256;
 
@@ -124,13 +127,13 @@ fn check_coupling(points: &Points, tree: &SearchTree, delta: f64) -> Result<(), 
         counted += 1;
         found += neighbors.len();
     }
-    if found / counted > COUPLED_MAX && points.len() > COUPLED_MAX {
+    let mean = found / counted;
+    if mean > COUPLED_MAX && mean * points.len() > ENTRIES_MAX {
         return Err(AnalysisError::Parameter {
             name: "delta",
             reason: format!(
-                "the cut-off radius {delta:.4e} reaches {} neighbours per point; at most {COUPLED_MAX} are coupled: \
-                 choose a smaller `delta` or `t`",
-                found / counted
+                "the cut-off radius {delta:.4e} reaches {mean} neighbours per point; at most {COUPLED_MAX} are coupled in a \
+                 cloud of this size: choose a smaller `delta` or `t`"
             ),
         });
     }

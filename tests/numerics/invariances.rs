@@ -1,7 +1,9 @@
 //! What must not change a spectrum, and how it must change.
 
 use chladni::analysis::{JobKind, SparseMatrix, analyze};
-use chladni::operator::OperatorKind::{self, PbMhb, Voronoi};
+use chladni::operator::OperatorKind::{
+    self, Graph, Kirchhoff, PbMhb, Pcd, PcdSymmetrized, Tutte, Voronoi, WeightedGraph,
+};
 use chladni::progress::Progress;
 use rstest::rstest;
 
@@ -54,6 +56,12 @@ fn the_operator_is_symmetric_with_zero_row_sums_and_nonnegative_couplings(#[case
 #[rstest]
 #[case(PbMhb)]
 #[case(Voronoi)]
+#[case(WeightedGraph)]
+#[case(Graph)]
+#[case(Kirchhoff)]
+#[case(Tutte)]
+#[case(PcdSymmetrized)]
+#[case(Pcd)]
 fn a_rigid_motion_and_a_shuffle_leave_the_spectrum(#[case] kind: OperatorKind) {
     let points = shape(1_200);
     let expected = eigenvalues(&eigen(&cloud(3, points.clone()), &parameters(kind, 12)));
@@ -74,6 +82,8 @@ fn a_rigid_motion_and_a_shuffle_leave_the_spectrum(#[case] kind: OperatorKind) {
 #[case(PbMhb, 1e6)]
 #[case(Voronoi, 1e-6)]
 #[case(Voronoi, 1e6)]
+#[case(WeightedGraph, 1e-6)]
+#[case(Pcd, 1e6)]
 fn scaling_the_cloud_by_s_divides_eigenvalues_by_s_squared(#[case] kind: OperatorKind, #[case] scale: f64) {
     let points = shape(1_200);
     let expected = eigenvalues(&eigen(&cloud(3, points.clone()), &parameters(kind, 12)));
@@ -96,4 +106,14 @@ fn the_bits_of_a_result_do_not_depend_on_the_number_of_threads(#[case] kind: Ope
     };
     let bits = |values: Vec<f64>| values.into_iter().map(f64::to_bits).collect::<Vec<_>>();
     assert_eq!(bits(on(1)), bits(on(3)));
+}
+
+#[rstest]
+#[case(Graph)]
+#[case(Kirchhoff)]
+fn a_graphs_eigenvalues_have_no_unit(#[case] kind: OperatorKind) {
+    let points = shape(1_200);
+    let expected = eigenvalues(&eigen(&cloud(3, points.clone()), &parameters(kind, 8)));
+    let scaled = points.iter().map(|x| 1e3 * x).collect();
+    assert_close(&eigenvalues(&eigen(&cloud(3, scaled), &parameters(kind, 8))), &expected, 1e-8);
 }

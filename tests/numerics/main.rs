@@ -4,6 +4,7 @@
 mod certificates;
 mod closed_forms;
 mod invariances;
+mod operators;
 mod scans;
 
 use chladni::analysis::{Analysis, JobKind, Parameters, analyze};

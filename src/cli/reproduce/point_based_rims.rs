@@ -81,7 +81,7 @@ pub(super) fn figure_13(_: Extent) -> Result<Table, Failure> {
             let ridge = mean(|[u, v]| (v - 0.5).abs() < 0.025 && (0.2..0.8).contains(&u));
             let inside = mean(|[u, v]| (0.2..0.8).contains(&u) && (0.2..0.4).contains(&v));
             table.row(format!("{name}, {angle}°: rims v = 0, 1"), None, across, Bound::Shown);
-            table.row(format!("{name}, {angle}°: rims u = 0, 1"), None, along, Bound::AtMost(across));
+            table.row(format!("{name}, {angle}°: rims u = 0, 1"), None, along, Bound::AtMost(1e-6));
             table.row(format!("{name}, {angle}°: ridge"), None, ridge, Bound::Shown);
             table.row(format!("{name}, {angle}°: elsewhere"), None, inside, Bound::AtMost(1e-6));
         }

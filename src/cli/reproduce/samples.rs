@@ -19,17 +19,18 @@ fn cloud(coordinates: Vec<f64>) -> Result<PointCloud, Failure> {
     PointCloud::new(3, coordinates, NonFinite::Reject).map_err(Failure::other)
 }
 
-/// The unit sphere with a resolution of its own on either hemisphere, `sparse` points below and the rest above the
-/// equator [PBMHB §5.1, Fig. 4c].
-pub(super) fn two_hemispheres(points: usize, sparse: usize) -> Result<PointCloud, Failure> {
-    let half = |count: usize, keep: fn(f64) -> bool| -> Result<Vec<f64>, Failure> {
-        let whole = shape(Shape::Sphere, 2 * count, Sampling::Uniform)?;
-        let kept = whole.coordinates().chunks_exact(3).filter(|p| keep(p[2]));
-        Ok(kept.flatten().copied().collect())
-    };
-    let mut coordinates = half(points - sparse, |z| z > 0.0)?;
-    coordinates.extend(half(sparse, |z| z <= 0.0)?);
-    cloud(coordinates)
+/// A shape that is symmetric along an axis, with a resolution of its own on either side: half of a sample of `dense`
+/// points on the positive side, half of one of `sparse` points on the other [PBMHB §5.1, Fig. 4c, Fig. 7].
+pub(super) fn two_resolutions(
+    kind: Shape,
+    axis: usize,
+    dense: usize,
+    sparse: usize,
+) -> Result<PointCloud, Failure> {
+    let (fine, coarse) = (shape(kind, dense, Sampling::Uniform)?, shape(kind, sparse, Sampling::Uniform)?);
+    let above = fine.coordinates().chunks_exact(3).filter(|p| p[axis] > 0.0);
+    let below = coarse.coordinates().chunks_exact(3).filter(|p| p[axis] <= 0.0);
+    cloud(above.chain(below).flatten().copied().collect())
 }
 
 /// The open cylinder of radius 1 and height 4 on a grid of 300 by `rows` points [PBMHB §5.1].
