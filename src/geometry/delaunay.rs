@@ -8,6 +8,9 @@ use super::polytope::{Polyhedron, Polytope, Site, dot};
 /// flat that they carry no volume.
 const BOX_FACTOR: f64 = 10.0;
 
+/// Sites sorted before a cell is clipped by them.
+const SORTED_AT_ONCE: usize = 48;
+
 /// Shear that decides which diagonal a square gets. On exact grids four points lie on every circle; rounding would choose
 /// at random, and the volumes around sites would scatter by a third.
 const SHEAR: f64 = 1e-9;
@@ -82,14 +85,11 @@ fn tetrahedra<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool
         let offset = |j: usize| -> [f64; 3] { std::array::from_fn(|axis| at(j)[axis] - at(i)[axis]) };
         others.clear();
         others.extend((0..sites.len()).filter(|&j| j != i).map(|j| (dot(&offset(j), &offset(j)), j as u32)));
-        others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         cell.reset(BOX_FACTOR * squared_extent.sqrt());
-        for &(squared_distance, neighbor) in &others {
-            if squared_distance > 4.0 * cell.squared_radius() {
-                break;
-            }
-            cell.clip(Site { at: offset(neighbor as usize), neighbor });
-        }
+        clip_nearest_first(&mut cell, &mut others, |&(_, neighbor)| Site {
+            at: offset(neighbor as usize),
+            neighbor,
+        });
         volume[i] = cell
             .corners()
             .filter(|corner| {
@@ -97,6 +97,29 @@ fn tetrahedra<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool
             })
             .map(|corner| corner.simplex_volume())
             .sum();
+    }
+}
+
+/// Clips by the sites, given with their squared distances, until no farther one can reach the cell.
+fn clip_nearest_first(
+    cell: &mut Polyhedron,
+    mut others: &mut [(f64, u32)],
+    site: impl Fn(&(f64, u32)) -> Site<3>,
+) {
+    let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+    while !others.is_empty() {
+        // a few are enough as a rule: the others need not be sorted
+        let sorted = SORTED_AT_ONCE.min(others.len());
+        others.select_nth_unstable_by(sorted - 1, order);
+        let (near, far) = others.split_at_mut(sorted);
+        near.sort_unstable_by(order);
+        for other in near.iter() {
+            if other.0 > 4.0 * cell.squared_radius() {
+                return;
+            }
+            cell.clip(site(other));
+        }
+        others = far;
     }
 }
 

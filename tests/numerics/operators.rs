@@ -189,8 +189,8 @@ fn a_closed_curve_has_the_squares_of_integers_over_its_radius(
 }
 
 #[rstest]
-#[case(PbMhb, 0.05)]
-#[case(Voronoi, 0.05)]
+#[case(PbMhb, 0.06)]
+#[case(Voronoi, 0.06)]
 fn a_flat_torus_in_six_dimensions_has_the_squared_lengths_of_integer_vectors(
     #[case] kind: OperatorKind,
     #[case] bound: f64,
