@@ -63,7 +63,9 @@ fn of_planes(cloud: &PointCloud) -> Vec<Vector3<f64>> {
                 .map(|offset| offset * offset.transpose())
                 .sum();
             let eigen = SymmetricEigen::try_new(scatter / scatter.trace(), f64::EPSILON, SWEEPS_MAX);
-            eigen.map_or_else(Vector3::zeros, |eigen| eigen.eigenvectors.column(eigen.eigenvalues.imin()).into())
+            eigen.map_or_else(Vector3::zeros, |eigen| {
+                eigen.eigenvectors.column(eigen.eigenvalues.imin()).into()
+            })
         })
         .collect();
     (0..cloud.len()).map(|row| points.of_row(row).map_or_else(Vector3::zeros, |i| of_point[i])).collect()

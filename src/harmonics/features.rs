@@ -13,6 +13,14 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::Surroundings;
+use crate::cloud::writer::{Column, PlyEncoding, PlyHeader, axis_name, encode_rows};
+use crate::cloud::{PointCloud, ScalarType};
+
+/// Least persistence of an extremum when nothing is said, as a multiple of a basis' root mean square.
+pub const PERSISTENCE_MIN: f64 = 0.1;
+
+/// Radius of the neighbourhoods when nothing is said, as a multiple of the covering radius ε.
+pub const RADIUS_IN_EPSILON: f64 = 2.0;
 
 /// A hill of `|H|`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,7 +161,8 @@ pub fn features(
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)).then(a.1.cmp(&b.1)));
     let mut places: Vec<Place> = Vec::new();
     for (persistence, point, mode) in pairs {
-        let known = places.iter_mut().find(|place| surroundings.are_near(place.point as usize, point as usize));
+        let known =
+            places.iter_mut().find(|place| surroundings.are_near(place.point as usize, point as usize));
         match known {
             None => places.push(Place { point, persistence, modes: vec![mode] }),
             Some(place) if place.modes.contains(&mode) => {}
@@ -177,7 +186,7 @@ pub struct Place {
 impl Place {
     /// In rows and coordinates of the upload.
     #[must_use]
-    pub fn in_cloud(&self, surroundings: &Surroundings, cloud: &crate::cloud::PointCloud) -> Feature {
+    pub fn in_cloud(&self, surroundings: &Surroundings, cloud: &PointCloud) -> Feature {
         let index = surroundings.row(self.point as usize);
         Feature {
             index,
@@ -186,6 +195,31 @@ impl Place {
             persistence: self.persistence,
         }
     }
+}
+
+/// The feature points as a binary PLY of their own: position, `index`, `persistence`, number of `pairs`.
+#[must_use]
+pub fn as_ply(features: &[Feature], cloud: &PointCloud) -> Vec<u8> {
+    let axes = cloud.dimension().max(3);
+    let coordinate = |axis: usize| features.iter().map(move |f| f.position.get(axis).copied().unwrap_or(0.0));
+    let mut columns: Vec<(String, ScalarType, Vec<f64>)> = (0..axes)
+        .map(|axis| (axis_name(axis), cloud.coordinate_type(), coordinate(axis).collect()))
+        .collect();
+    let index = features.iter().map(|feature| feature.index as f64).collect();
+    columns.push(("index".to_owned(), ScalarType::Uint32, index));
+    let persistence = features.iter().map(|feature| feature.persistence).collect();
+    columns.push(("persistence".to_owned(), ScalarType::Float32, persistence));
+    let pairs = features.iter().map(|feature| feature.pairs.len() as f64).collect();
+    columns.push(("pairs".to_owned(), ScalarType::Uint16, pairs));
+    let header = PlyHeader {
+        encoding: PlyEncoding::BinaryLittleEndian,
+        points: features.len(),
+        properties: columns.iter().map(|(name, kind, _)| (name.clone(), *kind)).collect(),
+        faces: 0,
+    };
+    let encoded: Vec<Column<'_>> =
+        columns.iter().map(|(_, kind, values)| Column { values, stride: 1, kind: *kind }).collect();
+    [header.to_bytes(), encode_rows(&encoded, features.len())].concat()
 }
 
 #[cfg(test)]
@@ -221,7 +255,10 @@ mod tests {
         let rows: Vec<usize> = found.iter().map(|e| surroundings.row(e.point as usize)).collect();
         assert_eq!(rows[..3], [22 * 30 + 22, 8 * 30 + 6, 8 * 30 + 12]);
         let persistence: Vec<f64> = found.iter().map(|e| e.persistence).collect();
-        assert!((persistence[0] - 4.0).abs() < 1e-12 && (persistence[1] - 3.0).abs() < 1e-12, "{persistence:?}");
+        assert!(
+            (persistence[0] - 4.0).abs() < 1e-12 && (persistence[1] - 3.0).abs() < 1e-12,
+            "{persistence:?}"
+        );
         // the pass lies between the cones, where both have fallen to 1
         assert!((persistence[2] - 1.0).abs() < 1e-12, "{persistence:?}");
     }
@@ -257,6 +294,10 @@ mod tests {
         let mut basis = landscape(&cloud);
         basis[8 * 30 + 6] = f64::NAN;
         let found = extrema(&basis, &surroundings, 1.0);
-        assert!(found.iter().all(|e| surroundings.row(e.point as usize) != 8 * 30 + 6 && e.persistence.is_finite()));
+        assert!(
+            found
+                .iter()
+                .all(|e| surroundings.row(e.point as usize) != 8 * 30 + 6 && e.persistence.is_finite())
+        );
     }
 }

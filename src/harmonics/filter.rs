@@ -174,6 +174,22 @@ impl Filter {
         Ok(Transfer { gains, outside: self.outside.unwrap_or(limit) })
     }
 
+    /// What was asked for, in words.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        let given = [
+            ("cutoff", self.cutoff),
+            ("from", self.from),
+            ("to", self.to),
+            ("gain", self.gain),
+            ("time", self.time),
+            ("taper", Some(self.taper).filter(|&taper| taper > 0.0)),
+        ];
+        let given = given.iter().filter_map(|(name, value)| value.map(|value| format!(", {name} {value}")));
+        let scale = if self.by == Scale::Mode { String::new() } else { format!(" by {}", self.by.name()) };
+        format!("{}{scale}{}", self.kind.name(), given.collect::<String>())
+    }
+
     /// Refuses numbers that mean nothing, and arguments that the kind does not look at.
     fn check_arguments(&self) -> Result<(), FilterError> {
         use FilterKind as F;
@@ -188,7 +204,8 @@ impl Filter {
             let Some(value) = value else { continue };
             if !kinds.contains(&self.kind) {
                 let kinds: Vec<_> = kinds.iter().map(|kind| kind.name()).collect();
-                let reason = format!("means nothing to {}; it belongs to {}", self.kind.name(), kinds.join(", "));
+                let reason =
+                    format!("means nothing to {}; it belongs to {}", self.kind.name(), kinds.join(", "));
                 return refuse(name, reason);
             }
             if !value.is_finite() || value < 0.0 {
@@ -223,7 +240,8 @@ impl Filter {
         {
             return refuse("to", "must lie above `from`");
         }
-        let above = |edge: &Option<Edge>, i, otherwise| edge.as_ref().map_or(otherwise, |edge| edge.above(i, modes));
+        let above =
+            |edge: &Option<Edge>, i, otherwise| edge.as_ref().map_or(otherwise, |edge| edge.above(i, modes));
         Ok((0..modes.len()).map(|i| above(&lower, i, 1.0) * (1.0 - above(&upper, i, 0.0))).collect())
     }
 

@@ -100,7 +100,8 @@ impl Target {
                 cloud.clone().with_fields(fields)
             }
             Self::Coordinates => {
-                let coordinates = (0..cloud.len()).flat_map(|row| columns.iter().map(move |column| column[row]));
+                let coordinates =
+                    (0..cloud.len()).flat_map(|row| columns.iter().map(move |column| column[row]));
                 let moved = PointCloud::new(cloud.dimension(), coordinates.collect(), NonFinite::Drop)?
                     .with_coordinate_type(cloud.coordinate_type())
                     .with_faces(cloud.faces().to_vec())?

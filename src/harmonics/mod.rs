@@ -11,6 +11,7 @@ pub mod filter;
 pub mod filtered;
 pub mod functions;
 pub mod heat_trace;
+pub mod invariants;
 mod modes;
 pub mod shape_dna;
 pub mod signatures;

@@ -78,7 +78,9 @@ impl Modes {
     #[must_use]
     pub fn divided_clusters(&self, gains: &[f64]) -> Vec<[usize; 2]> {
         let differ = |&[first, last]: &[usize; 2]| {
-            gains.get(first..=last).is_some_and(|gains| gains.iter().any(|gain| (gain - gains[0]).abs() > 0.0))
+            gains
+                .get(first..=last)
+                .is_some_and(|gains| gains.iter().any(|gain| (gain - gains[0]).abs() > 0.0))
         };
         self.clusters.iter().copied().filter(differ).collect()
     }

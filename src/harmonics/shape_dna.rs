@@ -58,7 +58,8 @@ mod tests {
     #[test]
     fn size_counts_only_when_asked_for() {
         let ((small, small_area), (large, large_area)) = (sphere(1.0), sphere(3.0));
-        let compare = |sized| compare([&small, &large], [small_area, large_area], sized, 20).unwrap().distance;
+        let compare =
+            |sized| compare([&small, &large], [small_area, large_area], sized, 20).unwrap().distance;
         assert!(compare(false) < 1e-12);
         assert!(compare(true) > 0.5);
     }

@@ -126,9 +126,13 @@ mod tests {
     #[test]
     fn scales_reach_from_the_finest_to_the_coarsest_mode() {
         let heat = Signature::new(SignatureKind::Hks, 5, &modes()).unwrap();
-        assert!((heat.scales[0] - DECAY / 12.0).abs() < 1e-12 && (heat.scales[4] - DECAY / 2.0).abs() < 1e-12);
+        assert!(
+            (heat.scales[0] - DECAY / 12.0).abs() < 1e-12 && (heat.scales[4] - DECAY / 2.0).abs() < 1e-12
+        );
         let wave = Signature::new(SignatureKind::Wks, 5, &modes()).unwrap();
-        assert!((wave.scales[0] - 2.0_f64.ln()).abs() < 1e-12 && (wave.scales[4] - 12.0_f64.ln()).abs() < 1e-12);
+        assert!(
+            (wave.scales[0] - 2.0_f64.ln()).abs() < 1e-12 && (wave.scales[4] - 12.0_f64.ln()).abs() < 1e-12
+        );
     }
 
     #[test]

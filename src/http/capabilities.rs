@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 use super::parameters::{KIND, PARAMETERS};
 use super::query::{Accepts, Argument};
 use super::submission::UPLOAD;
-use super::{Shared, bases, jobs, points};
+use super::{Shared, asked, bases, jobs, points};
 use crate::cloud::reader::Format;
 use crate::operator::OperatorKind;
 
@@ -98,9 +98,9 @@ impl From<&Argument> for ParameterView {
     fn from(argument: &Argument) -> Self {
         let kind = match argument.accepts {
             Accepts::Integer(..) => "integer",
-            Accepts::Positive | Accepts::Range(..) => "number",
+            Accepts::Positive | Accepts::NonNegative | Accepts::Range(..) => "number",
             Accepts::Switch => "boolean",
-            Accepts::Word(_) | Accepts::Id => "string",
+            Accepts::Word(_) | Accepts::Id | Accepts::Text => "string",
         };
         Self {
             name: argument.name,
@@ -149,7 +149,7 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
             faces_max: limits.reader.faces_max,
             bases_max: limits.bases_max,
             queue_max: limits.queue_max,
-            json_bytes: bases::JSON_BYTES_MAX,
+            json_bytes: asked::JSON_BYTES_MAX,
             wait_seconds_max: jobs::WAIT_SECONDS_MAX,
             page_max: jobs::PAGE_MAX,
         },

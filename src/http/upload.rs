@@ -80,6 +80,14 @@ impl Upload {
     }
 }
 
+/// The whole body, whatever it is.
+///
+/// # Errors
+/// A problem: over the limit, stalled, cut off, empty.
+pub(super) async fn body(request: Request, limits: &Limits) -> Result<Vec<u8>, Problem> {
+    collect(limits, request.into_body().into_data_stream().map_err(interrupted)).await
+}
+
 /// Gathers chunks up to the limit, and gives up on a sender that stalls.
 async fn collect(
     limits: &Limits,

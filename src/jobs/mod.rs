@@ -7,8 +7,8 @@
 mod analyses;
 mod compute;
 mod pulse;
-mod storing;
 mod stored_bases;
+mod storing;
 mod task;
 mod worker;
 

@@ -141,7 +141,11 @@ impl StoredBases {
     ///
     /// # Errors
     /// [`BasesError`].
-    pub async fn map_columns<T, F>(&self, bases: std::ops::Range<usize>, work: F) -> Result<Vec<T>, BasesError>
+    pub async fn map_columns<T, F>(
+        &self,
+        bases: std::ops::Range<usize>,
+        work: F,
+    ) -> Result<Vec<T>, BasesError>
     where
         T: Send + 'static,
         F: Fn(&[f64]) -> T + Send + Sync + 'static,
