@@ -225,7 +225,7 @@ async fn answer<R: Resource>(
     asked.refuse_large_json((cloud.len() * columns) as u64)?;
     let ascii = arguments.word("encoding") == Some("ascii");
     let bands = bands(arguments);
-    let determined = (&names, ascii, bands, transfer.outside.to_bits(), &transfer.gains);
+    let determined = (&names, ascii, bands, transfer.outside.to_bits(), &transfer.gains, &description);
     let tag = asked::tag(harmonics.job.id, &determined);
 
     let mass = service.store.mass(harmonics.job.id).await?;
@@ -319,4 +319,19 @@ fn ply(cloud: &PointCloud, ascii: bool, head: &Filtered, description: &str) -> R
     write_annotated_ply(cloud, encoding, &[comment], &mut bytes)
         .map_err(|error| Problem::internal(&error))?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tables_offer_exactly_the_filters_and_scales_that_exist() {
+        let words = |name| match FILTER.iter().find(|argument| argument.name == name).unwrap().accepts {
+            Accepts::Word(words) => words.to_vec(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(words("filter"), FilterKind::ALL.map(FilterKind::name));
+        assert_eq!(words("by"), Scale::ALL.map(Scale::name));
+    }
 }
