@@ -48,7 +48,7 @@ fn of_faces(cloud: &PointCloud) -> Vec<Vector3<f64>> {
 
 /// Directions of least spread of the nearest neighbours.
 fn of_planes(cloud: &PointCloud) -> Vec<Vector3<f64>> {
-    let Ok(points) = Points::prepare(cloud) else { return vec![Vector3::zeros(); cloud.len()] };
+    let Ok(points) = Points::prepare(cloud, 2) else { return vec![Vector3::zeros(); cloud.len()] };
     let tree = SearchTree::new(&points);
     let of_point: Vec<Vector3<f64>> = (0..points.len())
         .into_par_iter()

@@ -26,7 +26,7 @@ impl Surroundings {
     /// # Errors
     /// [`GeometryError`] for a cloud that no analysis accepts.
     pub fn find(cloud: &PointCloud, mass: &[f64], radius: f64) -> Result<Self, GeometryError> {
-        let points = Points::prepare(cloud)?;
+        let points = Points::prepare(cloud, 1)?;
         let tree = SearchTree::new(&points);
         let is_used = |i: usize| !mass[points.row(i)].is_nan();
         let lists: Vec<Vec<u32>> = (0..points.len())

@@ -13,8 +13,8 @@ use super::parameters::{KIND, PARAMETERS};
 use super::query::{Accepts, Argument};
 use super::submission::UPLOAD;
 use super::{
-    Shared, asked, bases, coefficients, distances, features, filtered, jobs, operator, points, signatures, similarity,
-    spectrum,
+    Shared, asked, bases, coefficients, distances, features, filtered, jobs, operator, points, signatures,
+    similarity, spectrum,
 };
 use crate::cloud::reader::Format;
 use crate::harmonics::FilterKind;

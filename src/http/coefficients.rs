@@ -83,6 +83,8 @@ pub(crate) struct Coefficients {
     energy: BTreeMap<String, Energy>,
     /// Fields of the upload that have no coefficients, and why.
     omitted: BTreeMap<String, String>,
+    /// What to know before trusting the bases.
+    warnings: Vec<String>,
     /// Index ranges `[first, last]` of modes inside which single coefficients depend on an arbitrary choice of bases.
     clusters: Vec<[usize; 2]>,
 }
@@ -202,6 +204,7 @@ async fn transformed(
             energy: named().map(|(name, found)| (name, Energy::of(found, bands))).collect(),
             fields: named().map(|(name, found)| (name, found.coefficients.clone().into())).collect(),
             omitted,
+            warnings: job.report.map(|report| report.warnings).unwrap_or_default(),
             clusters: modes.clusters().to_vec(),
         };
         serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))?

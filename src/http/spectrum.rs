@@ -38,7 +38,7 @@ pub(crate) struct SpectrumView {
     cloud_id: Uuid,
     /// Area of the surface, measured in two ways.
     area: AreaView,
-    /// What the spectrum says of the whole surface.
+    /// What the spectrum says of the whole surface; null for curves, volumes and combinatorial operators.
     invariants: Option<Invariants>,
     /// The spectrum.
     #[serde(flatten)]
@@ -50,7 +50,7 @@ pub(crate) struct SpectrumView {
 pub(crate) struct AreaView {
     /// Sum of the Voronoi cells.
     cells: Option<f64>,
-    /// From the heat trace of the eigenvalues; null for fewer than 10 of them.
+    /// From the heat trace of the eigenvalues of a surface; null for fewer than 10 of them.
     heat_trace: Option<f64>,
     /// Of the heat trace's value: its distance to the fit of one order less.
     uncertainty: Option<f64>,
@@ -60,13 +60,18 @@ impl AreaView {
     fn new(report: Option<&Report>, spectrum: &Spectrum) -> Self {
         // values from the first absent one on say nothing
         let known: Vec<f64> = spectrum.eigenvalues.iter().map_while(|&lambda| lambda).collect();
-        let estimate = heat_trace::area(&known);
+        let estimate = surface(report).and_then(|_| heat_trace::area(&known));
         Self {
             cells: report.map(|report| report.sampling.area),
             heat_trace: estimate.map(|estimate| estimate.area),
             uncertainty: estimate.map(|estimate| estimate.uncertainty),
         }
     }
+}
+
+/// The report of an analysis whose eigenvalues are those of a surface.
+fn surface(report: Option<&Report>) -> Option<&Report> {
+    report.filter(|report| report.dimension == 2 && !report.operator.is_combinatorial())
 }
 
 /// Eigenvalues, residuals, clusters and certificates.

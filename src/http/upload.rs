@@ -46,7 +46,8 @@ impl Upload {
             return Self::from_multipart(request, limits).await;
         }
         let declared = declared_format(media_type.as_deref())?;
-        let bytes = collect(limits, EMPTY, request.into_body().into_data_stream().map_err(interrupted)).await?;
+        let bytes =
+            collect(limits, EMPTY, request.into_body().into_data_stream().map_err(interrupted)).await?;
         Ok(Self { bytes, file_name: None, declared })
     }
 
@@ -88,7 +89,12 @@ impl Upload {
 /// # Errors
 /// A problem: over the limit, stalled, cut off, empty.
 pub(super) async fn body(request: Request, limits: &Limits) -> Result<Vec<u8>, Problem> {
-    collect(limits, "the body is empty; send JSON or an npy file, as in `curl --data-binary @values.npy`", request.into_body().into_data_stream().map_err(interrupted)).await
+    collect(
+        limits,
+        "the body is empty; send JSON or an npy file, as in `curl --data-binary @values.npy`",
+        request.into_body().into_data_stream().map_err(interrupted),
+    )
+    .await
 }
 
 /// Gathers chunks up to the limit, and gives up on a sender that stalls.

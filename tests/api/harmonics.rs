@@ -128,7 +128,13 @@ async fn what_cannot_be_transformed_is_refused_with_the_reason() {
     let mut hole: Vec<Option<f64>> = ones.iter().copied().map(Some).collect();
     hole[7] = None;
     for (resource, body, status, kind, told) in [
-        ("coefficients", json!([1, 2]).to_string(), wrong, "invalid-parameter", "2 values; the upload has 500"),
+        (
+            "coefficients",
+            json!([1, 2]).to_string(),
+            wrong,
+            "invalid-parameter",
+            "2 values; the upload has 500",
+        ),
         ("coefficients", json!(hole).to_string(), wrong, "invalid-parameter", "row 7"),
         ("coefficients", String::new(), bad, "malformed-request", "empty"),
         ("coefficients", "{".into(), bad, "malformed-request", "neither npy nor JSON"),
@@ -199,7 +205,11 @@ async fn gains_that_are_posted_do_what_the_named_filter_does() {
     let (service, id) = finished().await;
     let path = format!("/jobs/{id}/filtered?format=npy");
     let named = array(&get(&service, &format!("{path}&filter=low-pass&cutoff=4")).await);
-    for body in [json!([1, 1, 1, 1]).to_string().into_bytes(), json!({"gains": [1, 1, 1, 1]}).to_string().into_bytes(), npy(&[1.0; 4])] {
+    for body in [
+        json!([1, 1, 1, 1]).to_string().into_bytes(),
+        json!({"gains": [1, 1, 1, 1]}).to_string().into_bytes(),
+        npy(&[1.0; 4]),
+    ] {
         assert_eq!(array(&bytes(service.post(&path, body).await).await), named);
     }
 }
@@ -213,7 +223,13 @@ async fn an_etag_stands_for_the_bytes_of_one_filter() {
     };
     let one = etag("cutoff=4").await;
     assert_eq!(one, etag("cutoff=4&filter=low-pass").await);
-    for other in ["cutoff=5", "cutoff=4&outside=0.5", "cutoff=4&encoding=ascii", "cutoff=4&format=npy", "cutoff=4&taper=0.1"] {
+    for other in [
+        "cutoff=5",
+        "cutoff=4&outside=0.5",
+        "cutoff=4&encoding=ascii",
+        "cutoff=4&format=npy",
+        "cutoff=4&taper=0.1",
+    ] {
         assert_ne!(one, etag(other).await, "{other}");
     }
     let url = service.url(&format!("/jobs/{id}/filtered?cutoff=4"));
@@ -279,7 +295,8 @@ async fn rows_without_a_result_stay_and_duplicates_move_with_their_first_occurre
 #[tokio::test]
 async fn feature_points_are_rows_of_the_upload_in_json_and_in_ply() {
     let service = Service::start().await;
-    let request = chladni::cloud::shapes::SampleRequest::new(chladni::cloud::shapes::Shape::Ellipsoid, POINTS);
+    let request =
+        chladni::cloud::shapes::SampleRequest::new(chladni::cloud::shapes::Shape::Ellipsoid, POINTS);
     let ellipsoid = chladni::cloud::shapes::sample(&request).unwrap();
     let id = service.succeed(&format!("bases={BASES}"), file(&ellipsoid, Format::Ply)).await;
     let answer = service.json(&format!("/jobs/{id}/features")).await;
@@ -303,7 +320,12 @@ async fn feature_points_are_rows_of_the_upload_in_json_and_in_ply() {
 #[tokio::test]
 async fn signatures_and_distances_are_the_same_in_every_format() {
     let (service, id) = finished().await;
-    for (path, columns) in [("signatures?kind=hks&count=3", 3), ("signatures?kind=wks&count=3", 3), ("distances?from=2", 1), ("distances?from=2&kind=diffusion&time=0.1", 1)] {
+    for (path, columns) in [
+        ("signatures?kind=hks&count=3", 3),
+        ("signatures?kind=wks&count=3", 3),
+        ("distances?from=2", 1),
+        ("distances?from=2&kind=diffusion&time=0.1", 1),
+    ] {
         let json = service.json(&format!("/jobs/{id}/{path}")).await;
         let (shape, values) = array(&get(&service, &format!("/jobs/{id}/{path}&format=npy")).await);
         let ply = read(&get(&service, &format!("/jobs/{id}/{path}&format=ply")).await);
@@ -361,8 +383,20 @@ async fn harmonics_of_an_unfinished_or_an_operator_job_are_a_conflict_also_after
     let submission = service.accept("bases=5", file(&sphere(100), Format::Ply)).await;
     let id = submission["job"]["id"].as_str().unwrap();
     service.running(id).await;
-    for result in ["coefficients", "filtered", "filtered.ply", "features", "signatures.npy", "distances?wait=1", "similarity/"] {
-        let path = if result == "similarity/" { format!("/jobs/{id}/similarity/{id}") } else { format!("/jobs/{id}/{result}") };
+    for result in [
+        "coefficients",
+        "filtered",
+        "filtered.ply",
+        "features",
+        "signatures.npy",
+        "distances?wait=1",
+        "similarity/",
+    ] {
+        let path = if result == "similarity/" {
+            format!("/jobs/{id}/similarity/{id}")
+        } else {
+            format!("/jobs/{id}/{result}")
+        };
         let refused = problem(service.get(&path).await, StatusCode::CONFLICT, "not-finished").await;
         assert_eq!(refused["state"], "running", "{result}");
     }

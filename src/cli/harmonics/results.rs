@@ -60,7 +60,7 @@ impl Results {
         let refused = |error: &dyn std::fmt::Display| Failure::Input(format!("{}: {error}", path.display()));
         let cloud = read(&bytes, Format::Ply, &options).map_err(|error| refused(&error))?;
         let own = cloud.fields().len().saturating_sub(self.modes.len());
-        if cloud.len() != self.report.rows || cloud.dimension() != self.report.dimension.max(3) {
+        if cloud.len() != self.report.rows || cloud.dimension() != self.report.ambient_dimension.max(3) {
             return Err(refused(&"the cloud is not the one that was analysed"));
         }
         let fields = cloud.fields()[..own].to_vec();
