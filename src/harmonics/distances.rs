@@ -81,11 +81,14 @@ impl Distance {
         squares.iter().map(|square| square.sqrt()).collect()
     }
 
-    /// Whether a row lies in another component: the zero modes are constant on each, and tell them apart.
+    /// Whether a row lies in another component: there the projection to the null space, whatever its basis, does not reach
+    /// from the one to the other.
     fn is_elsewhere<C: AsRef<[f64]>>(&self, block: &Block<C>, row: usize) -> bool {
-        let zero = 0..self.zero_modes;
-        let norm: f64 = zero.clone().map(|j| self.origin[j].powi(2)).sum();
-        let apart: f64 = zero.map(|j| (block.column(j)[row] - self.origin[j]).powi(2)).sum();
-        apart > 1e-6 * norm
+        let between = |p: &dyn Fn(usize) -> f64, q: &dyn Fn(usize) -> f64| -> f64 {
+            (0..self.zero_modes).map(|j| p(j) * q(j)).sum()
+        };
+        let (here, there) = (|j: usize| self.origin[j], |j: usize| block.column(j)[row]);
+        let size = (between(&here, &here) * between(&there, &there)).sqrt();
+        size > 0.0 && between(&here, &there) < 1e-6 * size
     }
 }

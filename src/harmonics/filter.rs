@@ -164,11 +164,15 @@ impl Filter {
             FilterKind::Heat => {
                 let time = match (self.time, edge("cutoff", self.cutoff)?) {
                     (Some(time), _) => time,
+                    (None, Some(edge)) if edge.frequency == 0.0 => {
+                        return refuse("cutoff", "lies at frequency 0; heat needs one above");
+                    }
                     // at the cut-off the gain is 1/e
                     (None, Some(edge)) => edge.frequency.powi(-2),
                     (None, None) => return refuse("time", "or `cutoff` is needed for the heat filter"),
                 };
-                (modes.eigenvalues().iter().map(|lambda| (-time * lambda).exp()).collect(), 0.0)
+                let gain = |&lambda: &f64| if lambda.is_finite() { (-time * lambda).exp() } else { 0.0 };
+                (modes.eigenvalues().iter().map(gain).collect(), 0.0)
             }
         };
         Ok(Transfer { gains, outside: self.outside.unwrap_or(limit) })

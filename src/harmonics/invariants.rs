@@ -52,6 +52,10 @@ const LONG: f64 = 8.0;
 /// A rim cannot be shorter than so many root-mean spacings of the whole surface: `√n` of them go once across it.
 const RIM_SHARE: f64 = 0.5;
 
+/// A fitted area farther than this from the cells' is no error of the eigenvalues: the window lies at times for which
+/// the surface's features are too small, and what is left for χ means nothing.
+const AREA_MISFIT_MAX: f64 = 0.03;
+
 /// Measures what the spectrum and the cells say.
 #[must_use]
 pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
@@ -75,7 +79,8 @@ pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
 }
 
 /// Boundary length, for an open surface, and Euler characteristic, from the smallest eigenvalues in 1/length² and the area
-/// in length². `None` for fewer than 50 eigenvalues.
+/// in length². `None` for fewer than 50 eigenvalues, and when
+/// these are too few for the surface's features.
 ///
 /// With `s = 4πτ/A` the trace is `1/s + ℓ/(4√A) s^-½ + χ/6 + O(s^½)`, the last O(s) on closed surfaces. There the first
 /// coefficient is fitted too: it takes up a common relative error of the eigenvalues. On open ones it cannot be told
@@ -101,6 +106,9 @@ pub fn topology(eigenvalues: &[f64], area: f64, is_open: bool) -> Option<(Option
         Some((Some(length), euler))
     } else {
         let main = fit(SHORT, &[-1.0, 0.0, 1.0])?;
+        if (main[0] - 1.0).abs() > AREA_MISFIT_MAX {
+            return None;
+        }
         let long = fit(LONG, &[-1.0, 0.0, 1.0])?;
         let bent = fit(SHORT, &[-1.0, 0.0, 1.0, 2.0])?;
         Some((None, spread(6.0 * main[1], [6.0 * long[1], 6.0 * bent[1]])))

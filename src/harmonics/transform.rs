@@ -36,37 +36,53 @@ pub struct Transformed {
 pub fn partial<C: AsRef<[f64]>>(block: &Block<C>, mass: &[f64], functions: &[&[f64]]) -> Partial {
     let rows = block.first..block.first + block.rows();
     let mass = &mass[rows.clone()];
-    let mut coefficients = vec![vec![0.0; block.bases()]; functions.len()];
     let mut energy = vec![0.0; functions.len()];
-    let mut weighted = vec![0.0; block.rows()];
-    for (function, (coefficients, energy)) in functions.iter().zip(coefficients.iter_mut().zip(&mut energy)) {
-        let values = &function[rows.clone()];
-        for ((weighted, &mass), &value) in weighted.iter_mut().zip(mass).zip(values) {
-            let carries = mass > 0.0;
-            *weighted = if carries { mass * value } else { 0.0 };
-            *energy += if carries { mass * value * value } else { 0.0 };
-        }
-        for (j, coefficient) in coefficients.iter_mut().enumerate() {
-            *coefficient = dot(&weighted, block.column(j));
+    let weighted: Vec<Vec<f64>> = functions
+        .iter()
+        .zip(&mut energy)
+        .map(|(function, energy)| {
+            let weigh = |(&mass, &value): (&f64, &f64)| {
+                let carries = mass > 0.0;
+                *energy += if carries { mass * value * value } else { 0.0 };
+                if carries { mass * value } else { 0.0 }
+            };
+            mass.iter().zip(&function[rows.clone()]).map(weigh).collect()
+        })
+        .collect();
+    let is_whole = (0..block.rows()).all(|row| block.is_used(row));
+    let mut coefficients = vec![vec![0.0; block.bases()]; functions.len()];
+    for j in 0..block.bases() {
+        let column = block.column(j);
+        for start in (0..column.len()).step_by(STRIP) {
+            let strip = start..(start + STRIP).min(column.len());
+            for (weighted, coefficients) in weighted.iter().zip(&mut coefficients) {
+                let (weights, values) = (&weighted[strip.clone()], &column[strip.clone()]);
+                coefficients[j] +=
+                    if is_whole { dot(weights, values) } else { dot_of_numbers(weights, values) };
+            }
         }
     }
     Partial { coefficients, energy }
 }
 
-/// `Σ w h` over the rows where h is a number; w is 0 elsewhere. Eight sums side by side, for the vector unit.
+/// `Σ w h`, eight sums side by side, for the vector unit.
 fn dot(weights: &[f64], values: &[f64]) -> f64 {
     const LANES: usize = 8;
-    let number = |h: f64| if h.is_nan() { 0.0 } else { h };
     let (weight_lanes, weight_rest) = weights.as_chunks::<LANES>();
     let (value_lanes, value_rest) = values.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
     for (weights, values) in weight_lanes.iter().zip(value_lanes) {
         for lane in 0..LANES {
-            sums[lane] += weights[lane] * number(values[lane]);
+            sums[lane] += weights[lane] * values[lane];
         }
     }
-    let rest: f64 = weight_rest.iter().zip(value_rest).map(|(w, &h)| w * number(h)).sum();
+    let rest: f64 = weight_rest.iter().zip(value_rest).map(|(w, h)| w * h).sum();
     sums.iter().sum::<f64>() + rest
+}
+
+/// `Σ w h` over the rows where h is a number.
+fn dot_of_numbers(weights: &[f64], values: &[f64]) -> f64 {
+    weights.iter().zip(values).filter(|(_, h)| !h.is_nan()).map(|(w, h)| w * h).sum()
 }
 
 /// Adds the sums of all blocks, in their order.

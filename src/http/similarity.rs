@@ -42,7 +42,6 @@ arguments!(
 
 /// Two spectra, compared.
 #[derive(Debug, Serialize, ToSchema)]
-#[schema(as = Similarity)]
 pub(crate) struct SimilarityView {
     /// The two jobs.
     jobs: [Uuid; 2],

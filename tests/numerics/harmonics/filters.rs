@@ -173,6 +173,7 @@ fn arguments_that_mean_nothing_are_refused_by_name() {
         (Filter { kind, ..Filter::default() }, "from", "where the band lies"),
         (Filter { kind, from: some, to: Some(2.0), ..Filter::default() }, "to", "above `from`"),
         (Filter { kind: FilterKind::Heat, ..Filter::default() }, "time", "or `cutoff`"),
+        (Filter { kind: FilterKind::Heat, cutoff: Some(0.0), ..Filter::default() }, "cutoff", "frequency 0"),
         (Filter { cutoff: Some(13.0), ..Filter::default() }, "cutoff", "up to 12"),
         (Filter { cutoff: Some(2.5), ..Filter::default() }, "cutoff", "whole number"),
         (Filter { cutoff: Some(f64::NAN), ..Filter::default() }, "cutoff", "a number from 0"),

@@ -49,13 +49,13 @@ fn the_characteristic_of_a_torus_in_space_lies_within_its_uncertainty() {
 #[test]
 fn the_two_hole_torus_has_a_negative_characteristic() {
     let request =
-        SampleRequest { sampling: Sampling::Uniform, ..SampleRequest::new(Shape::TwoHoleTorus, 8_000) };
-    let basis = Basis::of(&sample(&request).unwrap(), &parameters(PbMhb, 400));
+        SampleRequest { sampling: Sampling::Uniform, ..SampleRequest::new(Shape::TwoHoleTorus, 4_000) };
+    let basis = Basis::of(&sample(&request).unwrap(), &parameters(PbMhb, 300));
     let found = invariants::measure(&basis.modes, &basis.analysis.report.sampling);
     let _ = writeln!(std::io::stderr(), "two-hole torus: {found:?}");
     let euler = found.euler_characteristic.unwrap();
     assert!((euler.value + 2.0).abs() <= euler.uncertainty, "{found:?}");
-    assert!(euler.value + euler.uncertainty < 1.0, "{found:?}");
+    assert!(euler.value + euler.uncertainty < 0.0, "{found:?}");
 }
 
 #[test]
