@@ -2,6 +2,7 @@
 
 mod analyze;
 mod demo;
+mod harmonics;
 mod health;
 mod output;
 mod reproduce;
@@ -30,6 +31,22 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Analyse a point cloud and write the results into a directory
     Analyze(Box<analyze::AnalyzeArgs>),
+    /// Filter the coordinates of an analysed cloud, or some of its fields
+    Filter(harmonics::FilterArgs),
+    /// Transform coordinates and fields, or functions of your own, into coefficients
+    Coefficients(harmonics::CoefficientsArgs),
+    /// Make functions from coefficients
+    Synthesis(harmonics::SynthesisArgs),
+    /// Find salient feature points
+    Features(harmonics::FeaturesArgs),
+    /// Compute heat or wave kernel signatures of every point
+    Signatures(harmonics::SignaturesArgs),
+    /// Compute distances from one point to all others
+    Distances(harmonics::DistancesArgs),
+    /// Compare two shapes by their spectra
+    Similarity(harmonics::SimilarityArgs),
+    /// Read area, boundary length and Euler characteristic off a spectrum
+    Invariants(harmonics::InvariantsArgs),
     /// Write a sample shape with known geometry
     Sample(sample::SampleArgs),
     /// Reproduce the tables and figures of the papers and compare
@@ -74,6 +91,14 @@ pub(crate) fn main() -> ExitCode {
         Command::Serve(args) => block_on(serve::run(args)),
         Command::Demo(args) => block_on(demo::run(args)),
         Command::Analyze(args) => analyze::run(&args),
+        Command::Filter(args) => harmonics::filter(&args),
+        Command::Coefficients(args) => harmonics::coefficients(&args),
+        Command::Synthesis(args) => harmonics::synthesis(&args),
+        Command::Features(args) => harmonics::features(&args),
+        Command::Signatures(args) => harmonics::signatures(&args),
+        Command::Distances(args) => harmonics::distances(&args),
+        Command::Similarity(args) => harmonics::similarity(&args),
+        Command::Invariants(args) => harmonics::invariants(&args),
         Command::Sample(args) => sample::run(&args),
         Command::Reproduce(args) => reproduce::run(&args),
         Command::Health(args) => health::run(&args),

@@ -15,7 +15,7 @@ const ROOMS: [(&str, &[&str]); 12] = [
     ("harmonics", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("analysis", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("store", &["analysis", "spectrum", "operator", "cloud", "progress"]),
-    ("jobs", &["store", "analysis", "spectrum", "operator", "cloud", "progress"]),
+    ("jobs", &["store", "harmonics", "analysis", "spectrum", "operator", "cloud", "progress"]),
     (
         "http",
         &["jobs", "store", "harmonics", "analysis", "spectrum", "operator", "geometry", "cloud", "progress"],

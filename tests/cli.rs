@@ -224,3 +224,66 @@ fn a_signal_cancels_and_leaves_nothing_behind(#[values("INT", "TERM")] signal: &
     assert_eq!(rest.last().map(String::as_str), Some("chladni: error: canceled"), "{rest:?}");
     assert_eq!(names(folder.path()), ["a.ply"]);
 }
+
+#[test]
+fn a_directory_of_results_is_filtered_transformed_and_measured() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample sphere --points 1500 --noise 0.02 -o sphere.ply"));
+    succeeded(&chladni(&folder, "analyze sphere.ply -o out -k 60 --threads 1"));
+    let radius_error = |name: &str| {
+        let cloud = cloud(&folder.path().join(name));
+        let squares = (0..cloud.len()).map(|i| {
+            let radius = cloud.point(i).iter().map(|x| x * x).sum::<f64>().sqrt();
+            (radius - 1.0).powi(2)
+        });
+        (squares.sum::<f64>() / cloud.len() as f64).sqrt()
+    };
+    let told = succeeded(&chladni(&folder, "filter out --filter low-pass --cutoff 9 -o smooth.ply"));
+    assert!(told.contains("low-pass, cutoff 9"), "{told}");
+    assert!(radius_error("smooth.ply") < 0.5 * radius_error("sphere.ply"));
+    succeeded(&chladni(&folder, "filter out --gains 1,1,1,1,1,1,1,1,1 -o gains.ply"));
+    assert_eq!(cloud(&folder.path().join("gains.ply")), cloud(&folder.path().join("smooth.ply")));
+
+    let json = |output: &Output| -> serde_json::Value { serde_json::from_str(&succeeded(output)).unwrap() };
+    let coefficients = json(&chladni(&folder, "coefficients out --bands 4"));
+    assert_eq!(coefficients["fields"]["z"].as_array().unwrap().len(), 60);
+    assert_eq!(coefficients["energy"]["z"]["bands"].as_array().unwrap().len(), 4);
+    succeeded(&chladni(&folder, "coefficients out -o c.json"));
+    succeeded(&chladni(&folder, "synthesis out c.json -o back.npy"));
+    assert!(radius_error("back.npy") < radius_error("sphere.ply"));
+
+    assert!(!json(&chladni(&folder, "features out --limit 3"))["features"].as_array().unwrap().is_empty());
+    assert_eq!(json(&chladni(&folder, "similarity out out"))["distance"], 0.0);
+    assert_eq!(json(&chladni(&folder, "invariants out"))["is_open"], false);
+    let told = succeeded(&chladni(&folder, "coefficients out --functions back.npy -o c.npy"));
+    assert!(told.contains("3 functions in 60 bases"), "{told}");
+    succeeded(&chladni(&folder, "signatures out --kind wks --count 5 -o wks.ply"));
+    assert_eq!(cloud(&folder.path().join("wks.ply")).fields()[4].name, "wks_4");
+    succeeded(&chladni(&folder, "distances out --from 3 -o d.npy"));
+    let distances: Vec<f64> =
+        npyz::NpyFile::new(fs::File::open(folder.path().join("d.npy")).unwrap()).unwrap().into_vec().unwrap();
+    assert!(distances.len() == 1500 && distances[3] == 0.0 && distances[4] > 0.0);
+}
+
+#[rstest]
+#[case("filter out -o f.txt", "f.txt: the extension chooses the format; ply, npy, json")]
+#[case("filter nowhere -o f.ply", "nowhere/report.json")]
+#[case("filter out --cutoff 11 -o f.ply", "up to 10")]
+#[case("filter out --filter heat -o f.ply", "`time` or `cutoff` is needed")]
+#[case("filter out --field red -o f.ply", "no field `red`")]
+#[case("filter operator -o f.ply", "operator without bases")]
+#[case("features out --radius 0", "above 0")]
+#[case("distances out --from 500 -o d.npy", "0 to 499")]
+#[case("synthesis out missing.npy -o s.npy", "missing.npy")]
+fn wrong_calls_on_results_are_told_in_one_line(#[case] arguments: &str, #[case] told: &str) {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample sphere --points 500 -o sphere.npy"));
+    succeeded(&chladni(&folder, "analyze sphere.npy -o out -k 10 --threads 1"));
+    succeeded(&chladni(&folder, "analyze sphere.npy -o operator --kind operator --threads 1"));
+    let before = names(folder.path());
+    let output = chladni(&folder, arguments);
+    let (code, line) = failed(&output);
+    assert_eq!(code, 2, "{line}");
+    assert!(line.contains(told), "{line}");
+    assert_eq!(names(folder.path()), before, "nothing is left behind");
+}

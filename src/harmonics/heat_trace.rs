@@ -10,7 +10,7 @@ const EIGENVALUES_MIN: usize = 10;
 
 /// `λ_max τ` at the lower end of the window: what the missing eigenvalues would add, `exp(−λ_max τ)` of the whole by
 /// Weyl's law, is then small and is made up for.
-const WINDOW_START: f64 = 8.0;
+pub(super) const WINDOW_START: f64 = 8.0;
 
 /// The window's upper end over its lower end.
 const WINDOW_RATIO: f64 = 4.0;
@@ -40,15 +40,17 @@ pub fn area(eigenvalues: &[f64]) -> Option<AreaEstimate> {
     let start = WINDOW_START / largest;
     let times: Vec<f64> =
         (0..SAMPLES).map(|k| start * WINDOW_RATIO.powf(k as f64 / (SAMPLES - 1) as f64)).collect();
-    let traces: Vec<f64> = times
-        .iter()
-        .map(|tau| {
-            let trace: f64 = eigenvalues.iter().map(|lambda| (-lambda * tau).exp()).sum();
-            4.0 * std::f64::consts::PI * tau * trace / (1.0 - (-largest * tau).exp())
-        })
-        .collect();
+    let traces: Vec<f64> =
+        times.iter().map(|&tau| 4.0 * std::f64::consts::PI * tau * trace(eigenvalues, tau)).collect();
     let (area, coarser) = (intercept(&times, &traces, 2)?, intercept(&times, &traces, 1)?);
     Some(AreaEstimate { area, uncertainty: (area - coarser).abs() })
+}
+
+/// `Z(τ)`, with what the eigenvalues beyond the last would add by Weyl's law.
+pub(super) fn trace(eigenvalues: &[f64], tau: f64) -> f64 {
+    let largest = eigenvalues.last().copied().unwrap_or(0.0);
+    let known: f64 = eigenvalues.iter().map(|lambda| (-lambda * tau).exp()).sum();
+    known / (1.0 - (-largest * tau).exp())
 }
 
 /// Constant term of the least-squares polynomial in `√τ`.

@@ -4,20 +4,19 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use axum::body::{Body, Bytes};
-use axum::extract::{Path, State};
-use axum::http::{HeaderMap, Method, Uri};
 use axum::response::Response;
 use futures_util::stream::{self, StreamExt};
 use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::accept::{self, JSON, NPY, Offer, PLY};
+use super::accept::{JSON, NPY, Offer, PLY};
+use super::asked::{self, Asked, ResultProblems};
 use super::download::Download;
+use super::points;
 use super::problem::{Kind, Problem, ProblemDocument};
-use super::query::{Accepts, Argument, Arguments, arguments};
+use super::query::{Accepts, Argument, Arguments, resource};
 use super::rows::{self, RowLayout};
-use super::{Service, Shared, parse_id, points, spectrum};
 use crate::cloud::writer::{Column, encode_rows, ply_columns, ply_properties};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::jobs::Compute;
@@ -25,11 +24,6 @@ use crate::store::{CHUNK_POINTS, Store};
 
 /// What they can be had as.
 pub(crate) const OFFERS: [Offer; 3] = [JSON, NPY, PLY];
-
-/// Bases as JSON, at most: text is three times the size of the numbers, and slow to read.
-pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
-/// Bytes of a number as JSON text, comma included: 17 digits, sign, point, and often an exponent.
-const JSON_NUMBER_BYTES: u64 = 22;
 
 const ARGUMENTS: &[Argument] = &[
     Argument {
@@ -46,13 +40,11 @@ const ARGUMENTS: &[Argument] = &[
         default: "all from the first",
         meaning: "Number of bases.",
     },
-    Argument {
-        name: "format",
-        alias: None,
-        accepts: Accepts::Word(&["json", "npy", "ply"]),
-        default: "by Accept, else json",
-        meaning: "Format of the answer: `npy` is an array of points × bases in C order; `ply` has the points and one property per basis, `basis_0` and so on.",
-    },
+    asked::format(
+        &["json", "npy", "ply"],
+        "by Accept, else json",
+        "Format of the answer: `npy` is an array of points × bases in C order; `ply` has the points and one property per basis, `basis_0` and so on.",
+    ),
     Argument {
         name: "dtype",
         alias: None,
@@ -62,9 +54,9 @@ const ARGUMENTS: &[Argument] = &[
     },
 ];
 
-arguments!(
+resource!(
     /// Query of `GET /jobs/{id}/bases`.
-    ReadBases = ARGUMENTS
+    ReadBases: OFFERS, ARGUMENTS
 );
 
 /// Bases as JSON.
@@ -96,23 +88,12 @@ pub(crate) struct Bases {
         (status = 200, description = "The bases.", content((Bases = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply")), headers(("ETag" = String, description = "Of these bytes."))),
         (status = 206, description = "The range asked for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"))),
         (status = 304, description = "The client's copy is current."),
-        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 406, description = "None of the formats is acceptable, or JSON would be too large.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 409, description = "The job has no bases, or not yet.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
     )
 )]
-pub(crate) async fn bases(
-    State(service): State<Shared>,
-    Path(id): Path<String>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let arguments = ReadBases::read(&uri)?;
-    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
-    respond(&service, &id, offer, &arguments, &method, &headers).await
+pub(crate) async fn bases(asked: Asked<ReadBases>) -> Result<Response, Problem> {
+    respond(asked).await
 }
 
 /// Which bases of which job, and how to get at them.
@@ -125,16 +106,10 @@ struct Selection {
     bases: Range<usize>,
 }
 
-pub(super) async fn respond(
-    service: &Service,
-    id: &str,
-    offer: Offer,
-    arguments: &Arguments,
-    method: &Method,
-    headers: &HeaderMap,
-) -> Result<Response, Problem> {
-    let (job, spectrum) = spectrum::of_job(service.store.job(parse_id(id)?).await?)?;
-    let bases = selected(arguments, spectrum.eigenvalues.len())?;
+pub(super) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem> {
+    let (job, spectrum) = asked.eigen().await?;
+    let (service, offer) = (&asked.service, asked.offer);
+    let bases = selected(&asked.arguments, spectrum.eigenvalues.len())?;
     let selection = Selection {
         store: service.store.clone(),
         compute: service.compute.clone(),
@@ -142,17 +117,17 @@ pub(super) async fn respond(
         rows: job.points as usize,
         bases: bases.clone(),
     };
-    let kind = match (arguments.word("dtype"), offer) {
+    let kind = match (asked.arguments.word("dtype"), offer) {
         (Some("f32"), _) | (None, PLY) => ScalarType::Float32,
         _ => ScalarType::Float64,
     };
     let tag = format!("{}-{}-{}-{}", job.id.simple(), bases.start, bases.end, kind.ply_name());
     let mut download = Download { offer, tag, stem: format!("bases-{}", job.id), length: None };
     if offer == JSON {
-        refuse_large_json(&selection)?;
+        asked.refuse_large_json(job.points * bases.len() as u64)?;
         let eigenvalues =
             serde_json::to_string(&spectrum.eigenvalues[bases]).map_err(|error| Problem::internal(&error))?;
-        return download.answer(method, headers, |_| selection.json(&eigenvalues));
+        return download.answer(&asked.method, &asked.headers, |_| selection.json(&eigenvalues));
     }
     let cloud = match offer {
         PLY => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
@@ -161,7 +136,7 @@ pub(super) async fn respond(
     let (planned, shown) = (selection.clone(), cloud.clone());
     let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
     download.length = Some(layout.length());
-    download.answer(method, headers, |span| {
+    download.answer(&asked.method, &asked.headers, |span| {
         layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
     })
 }
@@ -185,35 +160,13 @@ fn selected(arguments: &Arguments, available: usize) -> Result<Range<usize>, Pro
     .with("available", available))
 }
 
-/// Coordinates of a point in PLY: viewers want three at least.
-fn axes(cloud: &PointCloud) -> usize {
-    cloud.dimension().max(3)
-}
-
-fn refuse_large_json(selection: &Selection) -> Result<(), Problem> {
-    let bytes = selection.rows as u64 * selection.bases.len() as u64 * JSON_NUMBER_BYTES;
-    if bytes <= JSON_BYTES_MAX {
-        return Ok(());
-    }
-    Err(Problem::new(
-        Kind::NotAcceptable,
-        format!(
-            "as JSON this would be about {} MB, over the limit of {} MB; ask for npy (?format=npy or Accept: application/x-npy), \
-             or for fewer bases",
-            bytes >> 20,
-            JSON_BYTES_MAX >> 20
-        ),
-    )
-    .with("accepted", vec![NPY.name, PLY.name]))
-}
-
 impl Selection {
     fn layout(&self, cloud: Option<&PointCloud>, kind: ScalarType) -> RowLayout {
         match cloud {
             None => points::npy_layout(self.rows, self.bases.len(), kind),
             Some(cloud) => {
                 let mut properties = ply_properties(cloud);
-                properties.truncate(axes(cloud));
+                properties.truncate(points::axes(cloud));
                 properties.extend(self.bases.clone().map(|basis| (format!("basis_{basis}"), kind)));
                 points::ply_layout(cloud, properties)
             }
@@ -233,7 +186,7 @@ impl Selection {
         let rows = CHUNK_POINTS.min(self.rows - first);
         let encode = move || {
             let mut columns = cloud.as_deref().map_or_else(Vec::new, |cloud| ply_columns(cloud, first));
-            columns.truncate(cloud.as_deref().map_or(0, axes));
+            columns.truncate(cloud.as_deref().map_or(0, points::axes));
             columns.extend(values.iter().map(|values| Column { values, stride: 1, kind }));
             encode_rows(&columns, rows)
         };

@@ -1,16 +1,23 @@
 //! `GET /capabilities`: formats, parameters, limits.
 
+use std::collections::BTreeMap;
+
 use axum::Json;
 use axum::extract::State;
 use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use super::accept::{JSON, Offer};
 use super::parameters::{KIND, PARAMETERS};
 use super::query::{Accepts, Argument};
 use super::submission::UPLOAD;
-use super::{Shared, bases, jobs, points};
+use super::{
+    Shared, asked, bases, coefficients, distances, features, filtered, jobs, operator, points, signatures,
+    similarity, spectrum,
+};
 use crate::cloud::reader::Format;
+use crate::harmonics::FilterKind;
 use crate::operator::OperatorKind;
 
 /// What the service can do, and how much of it.
@@ -24,6 +31,10 @@ pub(crate) struct Capabilities {
     parameters: Vec<ParameterView>,
     /// Parameters of an upload.
     upload_parameters: Vec<ParameterView>,
+    /// Filters by name.
+    filters: Vec<&'static str>,
+    /// Results of jobs by name: what they can be had as, and what may be asked of them.
+    results: BTreeMap<&'static str, ResultView>,
     /// Limits.
     limits: LimitsView,
 }
@@ -37,6 +48,15 @@ pub(crate) struct Formats {
     points: Vec<FormatView>,
     /// Formats of `/jobs/{id}/bases`.
     bases: Vec<FormatView>,
+}
+
+/// A result of jobs, at `/jobs/{id}/{name}`.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct ResultView {
+    /// Its formats, the default first.
+    formats: Vec<FormatView>,
+    /// Its parameters.
+    parameters: Vec<ParameterView>,
 }
 
 /// A file format.
@@ -98,9 +118,9 @@ impl From<&Argument> for ParameterView {
     fn from(argument: &Argument) -> Self {
         let kind = match argument.accepts {
             Accepts::Integer(..) => "integer",
-            Accepts::Positive | Accepts::Range(..) => "number",
+            Accepts::Positive | Accepts::NonNegative | Accepts::Range(..) => "number",
             Accepts::Switch => "boolean",
-            Accepts::Word(_) | Accepts::Id => "string",
+            Accepts::Word(_) | Accepts::Id | Accepts::Text => "string",
         };
         Self {
             name: argument.name,
@@ -114,13 +134,33 @@ impl From<&Argument> for ParameterView {
     }
 }
 
-/// Formats, operators, parameters with type, range, default and meaning, and limits.
+fn offered(offers: &[Offer]) -> Vec<FormatView> {
+    offers.iter().map(|offer| FormatView { name: offer.name, media_type: offer.media_type() }).collect()
+}
+
+fn results() -> BTreeMap<&'static str, ResultView> {
+    fn view(offers: &[Offer], tables: &[&[Argument]]) -> ResultView {
+        let parameters = tables.iter().flat_map(|table| table.iter()).map(ParameterView::from).collect();
+        ResultView { formats: offered(offers), parameters }
+    }
+    BTreeMap::from([
+        ("bases", view(&bases::OFFERS, bases::ReadBases::TABLES)),
+        ("spectrum", view(&spectrum::OFFERS, spectrum::ReadSpectrum::TABLES)),
+        ("operator", view(&operator::OFFERS, operator::ReadOperator::TABLES)),
+        ("coefficients", view(&coefficients::OFFERS, coefficients::ReadCoefficients::TABLES)),
+        ("synthesis", view(&coefficients::SYNTHESIS_OFFERS, coefficients::Synthesize::TABLES)),
+        ("filtered", view(&filtered::OFFERS, filtered::ReadFiltered::TABLES)),
+        ("features", view(&features::OFFERS, features::ReadFeatures::TABLES)),
+        ("signatures", view(&signatures::OFFERS, signatures::ReadSignatures::TABLES)),
+        ("distances", view(&distances::OFFERS, distances::ReadDistances::TABLES)),
+        ("similarity", view(&[JSON], similarity::Compare::TABLES)),
+    ])
+}
+
+/// Formats, operators, filters, parameters with type, range, default and meaning, and limits.
 #[utoipa::path(get, path = "/capabilities", tag = "service", responses((status = 200, description = "What the service can do.", body = Capabilities)))]
 pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabilities> {
     let limits = &service.limits;
-    let offered = |offers: &[super::accept::Offer]| {
-        offers.iter().map(|offer| FormatView { name: offer.name, media_type: offer.media_type() }).collect()
-    };
     Json(Capabilities {
         formats: Formats {
             upload: Format::ALL
@@ -140,6 +180,8 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
             })
             .map(|argument| ParameterView::from(&argument))
             .collect(),
+        filters: FilterKind::ALL.iter().map(|kind| kind.name()).collect(),
+        results: results(),
         upload_parameters: UPLOAD.iter().map(ParameterView::from).collect(),
         limits: LimitsView {
             body_bytes: limits.body_bytes,
@@ -149,7 +191,7 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
             faces_max: limits.reader.faces_max,
             bases_max: limits.bases_max,
             queue_max: limits.queue_max,
-            json_bytes: bases::JSON_BYTES_MAX,
+            json_bytes: asked::JSON_BYTES_MAX,
             wait_seconds_max: jobs::WAIT_SECONDS_MAX,
             page_max: jobs::PAGE_MAX,
         },

@@ -4,9 +4,23 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderMap, Method, Uri};
 use axum::response::Response;
 
-use super::accept::Offer;
+use super::asked::Asked;
 use super::problem::{Kind, Problem, ProblemDocument};
-use super::{Shared, bases, operator, spectrum};
+use super::{Shared, bases, coefficients, distances, features, filtered, operator, signatures, spectrum};
+
+/// Answers the request for `$file` by the handler of its resource, if there is such a file.
+macro_rules! dispatch {
+    ($service:expr, $id:expr, $file:expr, $request:expr; $($name:literal => $respond:path),+ $(,)?) => {{
+        let (resource, ending) = $file.split_once('.').unwrap_or((&$file, ""));
+        match resource {
+            $($name => match Asked::as_file(&$service, &$id, ending, $request)? {
+                Some(asked) => Some($respond(asked).await),
+                None => None,
+            },)+
+            _ => None,
+        }
+    }};
+}
 
 /// A result under a file name.
 ///
@@ -35,30 +49,20 @@ pub(crate) async fn file(
     uri: Uri,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let (resource, ending) = file.split_once('.').unwrap_or((&file, ""));
-    let among = |offers: &[Offer]| offers.iter().find(|offer| offer.name == ending).copied();
-    let nothing = || {
-        Problem::new(
+    let answer = dispatch!(service, id, file, (&method, &uri, &headers);
+        "bases" => bases::bases,
+        "spectrum" => spectrum::spectrum,
+        "operator" => operator::operator,
+        "coefficients" => coefficients::coefficients,
+        "filtered" => filtered::filtered,
+        "features" => features::features,
+        "signatures" => signatures::signatures,
+        "distances" => distances::distances,
+    );
+    answer.unwrap_or_else(|| {
+        Err(Problem::new(
             Kind::NotFound,
             format!("there is no result `{file}`; GET /jobs/{id} links those there are"),
-        )
-    };
-    match resource {
-        "bases" => {
-            let offer = among(&bases::OFFERS).ok_or_else(nothing)?;
-            let arguments = bases::ReadBases::read(&uri)?;
-            bases::respond(&service, &id, offer, &arguments, &method, &headers).await
-        }
-        "spectrum" => {
-            let offer = among(&spectrum::OFFERS).ok_or_else(nothing)?;
-            spectrum::ReadSpectrum::read(&uri)?;
-            spectrum::respond(&service, &id, offer).await
-        }
-        "operator" => {
-            let offer = among(&operator::OFFERS).ok_or_else(nothing)?;
-            let arguments = operator::ReadOperator::read(&uri)?;
-            operator::respond(&service, &id, offer, &arguments, &method, &headers).await
-        }
-        _ => Err(nothing()),
-    }
+        ))
+    })
 }

@@ -14,6 +14,7 @@ use tokio::time::Instant;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use super::asked::WAIT;
 use super::problem::{Problem, ProblemDocument};
 use super::query::{Accepts, Argument, arguments};
 use super::{Service, Shared, download, parse_id, timestamp};
@@ -67,14 +68,6 @@ const FILTERS: &[Argument] = &[
         meaning: "Only jobs on this cloud.",
     },
 ];
-
-const WAIT: &[Argument] = &[Argument {
-    name: "wait",
-    alias: None,
-    accepts: Accepts::Integer(0, WAIT_SECONDS_MAX),
-    default: "0",
-    meaning: "Seconds to wait for the job's end before answering.",
-}];
 
 arguments!(
     /// Query of `GET /jobs`.
@@ -191,6 +184,10 @@ fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
     }
 }
 
+/// Results of eigen jobs, by the last part of their path.
+pub(super) const EIGEN_RESULTS: [&str; 7] =
+    ["bases", "spectrum", "coefficients", "filtered", "features", "signatures", "distances"];
+
 fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
     let path = format!("/jobs/{}", job.id);
     let mut links = BTreeMap::from([
@@ -198,8 +195,9 @@ fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
         ("operator", format!("{path}/operator")),
     ]);
     if job.kind == JobKind::Eigen {
-        links.insert("bases", format!("{path}/bases"));
-        links.insert("spectrum", format!("{path}/spectrum"));
+        for result in EIGEN_RESULTS {
+            links.insert(result, format!("{path}/{result}"));
+        }
     }
     if !job.state.is_terminal() {
         links.insert("cancel", format!("{path}/cancel"));

@@ -1,12 +1,18 @@
 //! The HTTP interface: one file per resource. The route table below is the index of the service.
 
 mod accept;
+mod asked;
 mod bases;
 mod capabilities;
 mod clouds;
+mod coefficients;
+mod distances;
 mod download;
 mod drain;
+mod features;
 mod files;
+mod filtered;
+mod functions;
 mod health;
 mod index;
 mod jobs;
@@ -15,12 +21,15 @@ mod matrix;
 mod openapi;
 mod operator;
 mod parameters;
+mod per_row;
 mod points;
 mod problem;
 mod problems;
 mod query;
 mod request;
 mod rows;
+mod signatures;
+mod similarity;
 mod spectrum;
 mod submission;
 mod upload;
@@ -100,6 +109,13 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(bases::bases))
         .routes(routes!(spectrum::spectrum))
         .routes(routes!(operator::operator))
+        .routes(routes!(coefficients::coefficients, coefficients::of_posted))
+        .routes(routes!(coefficients::synthesis))
+        .routes(routes!(filtered::filtered, filtered::by_gains))
+        .routes(routes!(features::features))
+        .routes(routes!(signatures::signatures))
+        .routes(routes!(distances::distances))
+        .routes(routes!(similarity::similarity))
         .routes(routes!(files::file))
 }
 

@@ -32,6 +32,7 @@ pub(super) fn base() -> OpenApi {
             tag("clouds", "Point clouds."),
             tag("jobs", "Analyses of clouds."),
             tag("results", "What analyses found."),
+            tag("harmonics", "What the bases are for: transform, filters, feature points, signatures, distances, similarity."),
             tag("service", "The service itself."),
         ]))
         .build()

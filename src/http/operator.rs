@@ -1,20 +1,18 @@
 //! The operator of a job: its description, and the matrices Q and B of `L = B⁻¹Q`.
 
 use axum::Json;
-use axum::extract::{Path, State};
-use axum::http::{HeaderMap, Method, Uri};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::accept::{self, JSON, MTX, NPZ, Offer};
+use super::accept::{JSON, MTX, NPZ, Offer};
+use super::asked::{self, Asked, ResultProblems};
 use super::download::Download;
 use super::matrix;
-use super::problem::{self, Kind, Problem, ProblemDocument};
-use super::query::{Accepts, Argument, Arguments, arguments};
-use super::{Service, Shared, parse_id};
+use super::problem::{Kind, Problem};
+use super::query::{Accepts, Argument, resource};
 use crate::analysis::{JobKind, Report, SparseMatrix};
 use crate::store::JobRecord;
 
@@ -22,13 +20,11 @@ use crate::store::JobRecord;
 pub(crate) const OFFERS: [Offer; 3] = [JSON, MTX, NPZ];
 
 const ARGUMENTS: &[Argument] = &[
-    Argument {
-        name: "format",
-        alias: None,
-        accepts: Accepts::Word(&["json", "mtx", "npz"]),
-        default: "by Accept, else json",
-        meaning: "Format of the answer: `json` describes the operator, `mtx` (Matrix Market) and `npz` (scipy.sparse.load_npz) are a matrix.",
-    },
+    asked::format(
+        &["json", "mtx", "npz"],
+        "by Accept, else json",
+        "Format of the answer: `json` describes the operator, `mtx` (Matrix Market) and `npz` (scipy.sparse.load_npz) are a matrix.",
+    ),
     Argument {
         name: "matrix",
         alias: None,
@@ -38,9 +34,9 @@ const ARGUMENTS: &[Argument] = &[
     },
 ];
 
-arguments!(
+resource!(
     /// Query of `GET /jobs/{id}/operator`.
-    ReadOperator = ARGUMENTS
+    ReadOperator: OFFERS, ARGUMENTS
 );
 
 /// The operator's description, and whose it is.
@@ -69,40 +65,16 @@ pub(crate) struct OperatorView {
     responses(
         (status = 200, description = "The description or the matrix.", content((OperatorView = "application/json"), (String = "text/x-matrix-market"), (Vec<u8> = "application/x-npz"))),
         (status = 304, description = "The client's copy is current."),
-        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 409, description = "The job has no operator yet, or does not keep Q.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
     )
 )]
-pub(crate) async fn operator(
-    State(service): State<Shared>,
-    Path(id): Path<String>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let arguments = ReadOperator::read(&uri)?;
-    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
-    respond(&service, &id, offer, &arguments, &method, &headers).await
-}
-
-pub(super) async fn respond(
-    service: &Service,
-    id: &str,
-    offer: Offer,
-    arguments: &Arguments,
-    method: &Method,
-    headers: &HeaderMap,
-) -> Result<Response, Problem> {
-    let job = service.store.job(parse_id(id)?).await?;
-    if let Some(problem) = problem::without_result(&job) {
-        return Err(problem);
-    }
+pub(crate) async fn operator(asked: Asked<ReadOperator>) -> Result<Response, Problem> {
+    let job = asked.job().await?;
+    let (service, offer) = (&asked.service, asked.offer);
     if offer == JSON {
         return Ok(Json(describe(&job)?).into_response());
     }
-    let name = if arguments.word("matrix") == Some("b") { 'B' } else { 'Q' };
+    let name = if asked.arguments.word("matrix") == Some("b") { 'B' } else { 'Q' };
     if name == 'Q' && job.kind != JobKind::Operator {
         return Err(Problem::new(
             Kind::NoSuchResult,
@@ -125,7 +97,7 @@ pub(super) async fn respond(
         stem: format!("{name}-{}", job.id),
         length: Some(bytes.len() as u64),
     };
-    download.answer(method, headers, |span| matrix::part(bytes, span))
+    download.answer(&asked.method, &asked.headers, |span| matrix::part(bytes, span))
 }
 
 fn describe(job: &JobRecord) -> Result<OperatorView, Problem> {

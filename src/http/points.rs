@@ -11,9 +11,9 @@ use utoipa::ToSchema;
 use super::accept::{self, JSON, NPY, Offer, PLY};
 use super::download::Download;
 use super::problem::{Problem, ProblemDocument};
-use super::query::{Accepts, Argument, arguments};
+use super::query::{Argument, arguments};
 use super::rows::RowLayout;
-use super::{Shared, matrix, parse_id};
+use super::{Shared, asked, matrix, parse_id};
 use crate::cloud::writer::{
     PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header, ply_columns, ply_properties,
 };
@@ -23,13 +23,11 @@ use crate::store::CHUNK_POINTS;
 /// What they can be had as.
 pub(crate) const OFFERS: [Offer; 3] = [PLY, NPY, JSON];
 
-const ARGUMENTS: &[Argument] = &[Argument {
-    name: "format",
-    alias: None,
-    accepts: Accepts::Word(&["ply", "npy", "json"]),
-    default: "by Accept, else ply",
-    meaning: "Format of the answer: `ply` has the coordinates and all fields of the upload, `npy` and `json` the coordinates.",
-}];
+const ARGUMENTS: &[Argument] = &[asked::format(
+    &["ply", "npy", "json"],
+    "by Accept, else ply",
+    "Format of the answer: `ply` has the coordinates and all fields of the upload, `npy` and `json` the coordinates.",
+)];
 
 arguments!(
     /// Query of `GET /clouds/{id}/points`.
@@ -118,6 +116,11 @@ fn encode(cloud: &PointCloud, offer: Offer, chunk: usize) -> Vec<u8> {
         column.kind = ScalarType::Float64;
     }
     encode_rows(&columns, rows)
+}
+
+/// Coordinates of a point in PLY: viewers want three at least.
+pub(crate) fn axes(cloud: &PointCloud) -> usize {
+    cloud.dimension().max(3)
 }
 
 /// A NumPy array of `rows` × `columns` numbers, in C order.

@@ -10,7 +10,10 @@ use utoipa::ToSchema;
 use crate::analysis::AnalysisError;
 use crate::cloud::CloudError;
 use crate::cloud::reader::ReadError;
-use crate::jobs::ComputeError;
+use crate::geometry::GeometryError;
+use crate::harmonics::FilterError;
+use crate::harmonics::filtered::TargetError;
+use crate::jobs::{BasesError, ComputeError};
 use crate::store::{JobFailure, JobRecord, JobState, StoreError};
 
 /// Media type of a problem.
@@ -329,6 +332,37 @@ impl From<ReadError> for Problem {
 impl From<ComputeError> for Problem {
     fn from(error: ComputeError) -> Self {
         Self::internal(&error)
+    }
+}
+
+impl From<BasesError> for Problem {
+    fn from(error: BasesError) -> Self {
+        match error {
+            BasesError::Store(error) => error.into(),
+            BasesError::Compute(error) => error.into(),
+        }
+    }
+}
+
+impl From<FilterError> for Problem {
+    fn from(error: FilterError) -> Self {
+        Self::new(Kind::InvalidParameter, error.to_string()).with("parameter", error.parameter)
+    }
+}
+
+impl From<TargetError> for Problem {
+    fn from(error: TargetError) -> Self {
+        let problem = Self::new(Kind::InvalidParameter, error.to_string()).with("parameter", "field");
+        match error {
+            TargetError::Unknown { fields, .. } => problem.with("accepted", fields),
+            TargetError::NonFinite { row, .. } => problem.with("row", row),
+        }
+    }
+}
+
+impl From<GeometryError> for Problem {
+    fn from(error: GeometryError) -> Self {
+        Self::from(AnalysisError::from(error))
     }
 }
 

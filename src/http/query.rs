@@ -25,6 +25,10 @@ pub(crate) enum Accepts {
     Integer(u64, u64),
     /// A finite number above zero.
     Positive,
+    /// A finite number from zero.
+    NonNegative,
+    /// Any text.
+    Text,
     /// A number in a closed range.
     Range(f64, f64),
     /// `true` or `false`; in a query, the bare name means `true`.
@@ -54,14 +58,14 @@ impl Accepts {
     fn read(self, text: &str) -> Option<Value> {
         let value = match self {
             Self::Integer(..) => u64::from_str(text).ok()?.into(),
-            Self::Positive | Self::Range(..) => f64::from_str(text).ok()?.into(),
+            Self::Positive | Self::NonNegative | Self::Range(..) => f64::from_str(text).ok()?.into(),
             Self::Switch => match text {
                 "true" | "1" | "" => true.into(),
                 "false" | "0" => false.into(),
                 _ => return None,
             },
             Self::Word(_) => text.to_ascii_lowercase().into(),
-            Self::Id => text.into(),
+            Self::Id | Self::Text => text.into(),
         };
         self.holds(&value).then_some(value)
     }
@@ -70,6 +74,8 @@ impl Accepts {
         match self {
             Self::Integer(least, most) => value.as_u64().is_some_and(|x| (least..=most).contains(&x)),
             Self::Positive => value.as_f64().is_some_and(|x| x > 0.0 && x.is_finite()),
+            Self::NonNegative => value.as_f64().is_some_and(|x| x >= 0.0 && x.is_finite()),
+            Self::Text => value.is_string(),
             Self::Range(low, high) => value.as_f64().is_some_and(|x| (low..=high).contains(&x)),
             Self::Switch => value.is_boolean(),
             Self::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
@@ -84,6 +90,8 @@ impl Accepts {
             Self::Integer(least, u64::MAX) => format!("a whole number from {least}"),
             Self::Integer(least, most) => format!("a whole number from {least} to {most}"),
             Self::Positive => "a number above 0".to_owned(),
+            Self::NonNegative => "a number from 0".to_owned(),
+            Self::Text => "text".to_owned(),
             Self::Range(low, high) => format!("a number from {low:e} to {high:e}"),
             Self::Switch => "true or false".to_owned(),
             Self::Word(words) => format!("one of {}", words.join(", ")),
@@ -101,6 +109,8 @@ impl Accepts {
                 if most == u64::MAX { object.build() } else { object.maximum(Some(most as f64)).build() }
             }
             Self::Positive => object.schema_type(Type::Number).exclusive_minimum(Some(0.0)).build(),
+            Self::NonNegative => object.schema_type(Type::Number).minimum(Some(0.0)).build(),
+            Self::Text => object.schema_type(Type::String).build(),
             Self::Range(low, high) => {
                 object.schema_type(Type::Number).minimum(Some(low)).maximum(Some(high)).build()
             }
@@ -219,6 +229,12 @@ impl Arguments {
         self.values.get(name).and_then(Value::as_u64)
     }
 
+    /// A number.
+    #[must_use]
+    pub(crate) fn number(&self, name: &str) -> Option<f64> {
+        self.values.get(name).and_then(Value::as_f64)
+    }
+
     /// A switch.
     #[must_use]
     pub(crate) fn switch(&self, name: &str) -> Option<bool> {
@@ -295,6 +311,24 @@ macro_rules! arguments {
     };
 }
 pub(super) use arguments;
+
+/// Declares a result of jobs: the type that documents its query, and what it can be had as.
+macro_rules! resource {
+    ($(#[$meta:meta])* $name:ident: $offers:expr, $($table:expr),+ $(,)?) => {
+        $crate::http::query::arguments!($(#[$meta])* $name = $($table,)+ $crate::http::asked::WAIT);
+
+        impl $crate::http::asked::Resource for $name {
+            const OFFERS: &'static [$crate::http::accept::Offer] = &$offers;
+
+            fn arguments(
+                uri: &axum::http::Uri,
+            ) -> Result<$crate::http::query::Arguments, $crate::http::problem::Problem> {
+                Self::read(uri)
+            }
+        }
+    };
+}
+pub(super) use resource;
 
 #[cfg(test)]
 mod tests {

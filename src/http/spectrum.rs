@@ -3,36 +3,30 @@
 use std::fmt::Write as _;
 
 use axum::Json;
-use axum::extract::{Path, State};
-use axum::http::{HeaderMap, Uri, header};
+use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::accept::{self, CSV, JSON, Offer};
-use super::problem::{self, Kind, Problem, ProblemDocument};
-use super::query::{Accepts, Argument, arguments};
-use super::{Service, Shared, parse_id};
+use super::accept::{CSV, JSON, Offer};
+use super::asked::{self, Asked, ResultProblems};
+use super::problem::Problem;
+use super::query::{Argument, resource};
 use crate::analysis::Report;
-use crate::harmonics::heat_trace;
+use crate::harmonics::invariants::{self, Invariants};
+use crate::harmonics::{Modes, heat_trace};
 use crate::spectrum::Spectrum;
-use crate::store::JobRecord;
 
 /// What it can be had as.
 pub(crate) const OFFERS: [Offer; 2] = [JSON, CSV];
 
-const ARGUMENTS: &[Argument] = &[Argument {
-    name: "format",
-    alias: None,
-    accepts: Accepts::Word(&["json", "csv"]),
-    default: "by Accept, else json",
-    meaning: "Format of the answer.",
-}];
+const ARGUMENTS: &[Argument] =
+    &[asked::format(&["json", "csv"], "by Accept, else json", "Format of the answer.")];
 
-arguments!(
+resource!(
     /// Query of `GET /jobs/{id}/spectrum`.
-    ReadSpectrum = ARGUMENTS
+    ReadSpectrum: OFFERS, ARGUMENTS
 );
 
 /// A spectrum, and whose it is.
@@ -44,6 +38,8 @@ pub(crate) struct SpectrumView {
     cloud_id: Uuid,
     /// Area of the surface, measured in two ways.
     area: AreaView,
+    /// What the spectrum says of the whole surface; null for curves, volumes and combinatorial operators.
+    invariants: Option<Invariants>,
     /// The spectrum.
     #[serde(flatten)]
     spectrum: Spectrum,
@@ -54,7 +50,7 @@ pub(crate) struct SpectrumView {
 pub(crate) struct AreaView {
     /// Sum of the Voronoi cells.
     cells: Option<f64>,
-    /// From the heat trace of the eigenvalues; null for fewer than 10 of them.
+    /// From the heat trace of the eigenvalues of a surface; null for fewer than 10 of them.
     heat_trace: Option<f64>,
     /// Of the heat trace's value: its distance to the fit of one order less.
     uncertainty: Option<f64>,
@@ -64,13 +60,18 @@ impl AreaView {
     fn new(report: Option<&Report>, spectrum: &Spectrum) -> Self {
         // values from the first absent one on say nothing
         let known: Vec<f64> = spectrum.eigenvalues.iter().map_while(|&lambda| lambda).collect();
-        let estimate = heat_trace::area(&known);
+        let estimate = surface(report).and_then(|_| heat_trace::area(&known));
         Self {
             cells: report.map(|report| report.sampling.area),
             heat_trace: estimate.map(|estimate| estimate.area),
             uncertainty: estimate.map(|estimate| estimate.uncertainty),
         }
     }
+}
+
+/// The report of an analysis whose eigenvalues are those of a surface.
+fn surface(report: Option<&Report>) -> Option<&Report> {
+    report.filter(|report| report.dimension == 2 && !report.operator.is_combinatorial())
 }
 
 /// Eigenvalues, residuals, clusters and certificates.
@@ -81,49 +82,19 @@ impl AreaView {
     params(("id" = Uuid, Path, description = "The job."), ReadSpectrum),
     responses(
         (status = 200, description = "The spectrum; as CSV one row per eigenvalue.", content((SpectrumView = "application/json"), (String = "text/csv"))),
-        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 409, description = "The job has no spectrum, or not yet.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
     )
 )]
-pub(crate) async fn spectrum(
-    State(service): State<Shared>,
-    Path(id): Path<String>,
-    uri: Uri,
-    headers: HeaderMap,
-) -> Result<Response, Problem> {
-    let arguments = ReadSpectrum::read(&uri)?;
-    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
-    respond(&service, &id, offer).await
-}
-
-pub(super) async fn respond(service: &Service, id: &str, offer: Offer) -> Result<Response, Problem> {
-    let (job, spectrum) = of_job(service.store.job(parse_id(id)?).await?)?;
-    if offer == CSV {
+pub(crate) async fn spectrum(asked: Asked<ReadSpectrum>) -> Result<Response, Problem> {
+    let (job, spectrum) = asked.eigen().await?;
+    if asked.offer == CSV {
         return Ok(([(header::CONTENT_TYPE, CSV.media_type())], csv(&spectrum)).into_response());
     }
     let area = AreaView::new(job.report.as_ref(), &spectrum);
-    Ok(Json(SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, spectrum }).into_response())
-}
-
-/// The spectrum of a job that has succeeded.
-pub(super) fn of_job(mut job: JobRecord) -> Result<(JobRecord, Spectrum), Problem> {
-    if let Some(problem) = problem::without_result(&job) {
-        return Err(problem);
-    }
-    let spectrum = job.report.as_mut().and_then(|report| report.spectrum.take());
-    match spectrum {
-        Some(spectrum) => Ok((job, spectrum)),
-        None => Err(Problem::new(
-            Kind::NoSuchResult,
-            format!(
-                "job {} built the operator only; submit {{\"kind\": \"eigen\"}} to /clouds/{}/jobs for bases and spectrum",
-                job.id, job.cloud_id
-            ),
-        )
-        .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) }))),
-    }
+    let measured =
+        job.report.as_ref().map(|report| invariants::measure(&Modes::of(&spectrum), &report.sampling));
+    let view = SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, invariants: measured, spectrum };
+    Ok(Json(view).into_response())
 }
 
 fn csv(spectrum: &Spectrum) -> String {

@@ -285,8 +285,9 @@ async fn answer(
         Some(job) => {
             let path = format!("/jobs/{}", job.id);
             if job.kind == JobKind::Eigen {
-                links.insert("bases", format!("{path}/bases"));
-                links.insert("spectrum", format!("{path}/spectrum"));
+                for result in jobs::EIGEN_RESULTS {
+                    links.insert(result, format!("{path}/{result}"));
+                }
             }
             links.insert("operator", format!("{path}/operator"));
             links.insert("job", path.clone());

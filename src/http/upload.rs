@@ -12,6 +12,9 @@ use super::Limits;
 use super::problem::{Kind, Problem};
 use crate::cloud::reader::Format;
 
+/// What is told of an upload without a byte.
+const EMPTY: &str = "the body is empty; send the file as the body, as in `curl -T scan.ply`";
+
 /// Media types that say nothing about the format: what clients send when they were not told.
 const UNSPECIFIC: [&str; 3] = ["application/octet-stream", "application/x-www-form-urlencoded", "text/plain"];
 
@@ -43,7 +46,8 @@ impl Upload {
             return Self::from_multipart(request, limits).await;
         }
         let declared = declared_format(media_type.as_deref())?;
-        let bytes = collect(limits, request.into_body().into_data_stream().map_err(interrupted)).await?;
+        let bytes =
+            collect(limits, EMPTY, request.into_body().into_data_stream().map_err(interrupted)).await?;
         Ok(Self { bytes, file_name: None, declared })
     }
 
@@ -57,7 +61,7 @@ impl Upload {
         while let Some(part) = within(limits.stall, parts.next_field()).await?.map_err(malformed)? {
             let Some(file_name) = part.file_name().map(str::to_owned) else { continue };
             let declared = declared_format(part.content_type())?;
-            let bytes = collect(limits, part.map_err(malformed)).await?;
+            let bytes = collect(limits, EMPTY, part.map_err(malformed)).await?;
             return Ok(Self { bytes, file_name: Some(file_name), declared });
         }
         Err(Problem::new(
@@ -80,9 +84,23 @@ impl Upload {
     }
 }
 
+/// The whole body, whatever it is.
+///
+/// # Errors
+/// A problem: over the limit, stalled, cut off, empty.
+pub(super) async fn body(request: Request, limits: &Limits) -> Result<Vec<u8>, Problem> {
+    collect(
+        limits,
+        "the body is empty; send JSON or an npy file, as in `curl --data-binary @values.npy`",
+        request.into_body().into_data_stream().map_err(interrupted),
+    )
+    .await
+}
+
 /// Gathers chunks up to the limit, and gives up on a sender that stalls.
 async fn collect(
     limits: &Limits,
+    empty: &str,
     mut chunks: impl Stream<Item = Result<Bytes, Problem>> + Unpin,
 ) -> Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
@@ -94,10 +112,7 @@ async fn collect(
         bytes.extend_from_slice(&chunk);
     }
     if bytes.is_empty() {
-        return Err(Problem::new(
-            Kind::MalformedRequest,
-            "the body is empty; send the file as the body, as in `curl -T scan.ply`",
-        ));
+        return Err(Problem::new(Kind::MalformedRequest, empty));
     }
     Ok(bytes)
 }

@@ -7,6 +7,7 @@
 mod analyses;
 mod compute;
 mod pulse;
+mod stored_bases;
 mod storing;
 mod task;
 mod worker;
@@ -22,6 +23,7 @@ use uuid::Uuid;
 
 pub use analyses::{Analyze, Results, analyses};
 pub use compute::{Compute, ComputeError};
+pub use stored_bases::{BasesError, StoredBases};
 
 use crate::store::{Store, StoreError};
 

@@ -35,7 +35,18 @@ async fn a_finished_job_tells_what_it_used_and_how_long_it_took() {
         job[time].as_str().unwrap().parse::<jiff::Timestamp>().unwrap();
     }
     assert!(job["error"].is_null() && job["eta_seconds"].is_null() && job["queue_position"].is_null());
-    for link in ["cloud", "bases", "spectrum", "operator", "self"] {
+    for link in [
+        "cloud",
+        "bases",
+        "spectrum",
+        "operator",
+        "coefficients",
+        "filtered",
+        "features",
+        "signatures",
+        "distances",
+        "self",
+    ] {
         let path = job["links"][link].as_str().unwrap();
         assert_eq!(service.get(path).await.status(), StatusCode::OK, "{path}");
     }

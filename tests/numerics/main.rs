@@ -3,6 +3,7 @@
 
 mod certificates;
 mod closed_forms;
+mod harmonics;
 mod invariances;
 mod operators;
 mod scans;

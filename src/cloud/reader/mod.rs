@@ -17,6 +17,7 @@ mod xyz;
 
 pub use error::{Location, ReadError};
 pub use format::Format;
+pub use npy::read_columns;
 
 use super::{NonFinite, PointCloud};
 

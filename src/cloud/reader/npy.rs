@@ -18,12 +18,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let header = Header::parse(bytes)?;
     let (rows, width) = (header.rows, header.width);
     options.limits.points(rows)?;
-    let cells = rows.checked_mul(width).and_then(|cells| cells.checked_mul(header.number.size()));
-    let body = &bytes[header.body..];
-    let Some(block) = cells.and_then(|cells| body.get(..cells)) else {
-        let message = format!("an array of {rows}×{width} is announced, {} bytes follow", body.len());
-        return Err(ReadError::Truncated { format: FORMAT, location: Location::Byte(bytes.len()), message });
-    };
+    let block = header.block(bytes)?;
     let dimension = options.dimension.unwrap_or(width);
     if dimension > options.limits.dimension_max {
         return Err(ReadError::Dimension { dimension, dimension_max: options.limits.dimension_max });
@@ -36,22 +31,30 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     columns.into_cloud(Vec::new(), options)
 }
 
+/// Reads an array of `n × m` or n numbers as its columns.
+///
+/// # Errors
+/// [`ReadError`].
+pub fn read_columns(bytes: &[u8]) -> Result<Vec<Vec<f64>>, ReadError> {
+    let header = Header::parse(bytes)?;
+    let block = header.block(bytes)?;
+    let column = |index| {
+        let mut values = vec![0.0; header.rows];
+        header.decode(block, index, Place::packed(&mut values));
+        values
+    };
+    Ok((0..header.width).map(column).collect())
+}
+
 fn fill(columns: &mut Columns, block: &[u8], header: &Header) {
-    let size = header.number.size();
     for (index, target) in columns.targets.iter().enumerate() {
-        let (column, stride, offset) = if header.is_fortran {
-            (&block[index * header.rows * size..][..header.rows * size], size, 0)
-        } else {
-            (block, header.width * size, index * size)
-        };
         match *target {
             Target::Coordinate(axis) => {
                 let place = Place { stride: columns.dimension, offset: axis, out: &mut columns.coordinates };
-                header.number.decode(column, stride, offset, place);
+                header.decode(block, index, place);
             }
             Target::Field(field) => {
-                let place = Place::packed(&mut columns.fields[field].values);
-                header.number.decode(column, stride, offset, place);
+                header.decode(block, index, Place::packed(&mut columns.fields[field].values));
             }
             Target::Skipped => {}
         }
@@ -155,6 +158,28 @@ impl Header {
         }
         Ok(Self { number, is_fortran, rows, width, body })
     }
+
+    /// The bytes of the numbers, as many as are announced.
+    fn block<'a>(&self, bytes: &'a [u8]) -> Result<&'a [u8], ReadError> {
+        let (rows, width) = (self.rows, self.width);
+        let cells = rows.checked_mul(width).and_then(|cells| cells.checked_mul(self.number.size()));
+        let body = &bytes[self.body..];
+        cells.and_then(|cells| body.get(..cells)).ok_or_else(|| {
+            let message = format!("an array of {rows}×{width} is announced, {} bytes follow", body.len());
+            ReadError::Truncated { format: FORMAT, location: Location::Byte(bytes.len()), message }
+        })
+    }
+
+    /// Decodes one column of the block.
+    fn decode(&self, block: &[u8], index: usize, place: Place<'_>) {
+        let size = self.number.size();
+        let (column, stride, offset) = if self.is_fortran {
+            (&block[index * self.rows * size..][..self.rows * size], size, 0)
+        } else {
+            (block, self.width * size, index * size)
+        };
+        self.number.decode(column, stride, offset, place);
+    }
 }
 
 /// The header's text and the offset behind it.
@@ -248,6 +273,17 @@ mod tests {
         let integers = npy(&[-1_i64, 2, 3, 4], &[2, 2], npyz::Order::C);
         assert_eq!(read(&integers, &options).unwrap().coordinates(), [-1.0, 2.0, 3.0, 4.0]);
         assert_eq!(read(&npy(&[7_u8, 8], &[2], npyz::Order::C), &options).unwrap().dimension(), 1);
+    }
+
+    #[test]
+    fn an_array_is_read_by_columns_whatever_its_order_and_its_width() {
+        let columns = [[1.0, 3.0, 5.0].to_vec(), [2.0, 4.0, 6.0].to_vec()];
+        let rows = npy(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &[3, 2], npyz::Order::C);
+        assert_eq!(read_columns(&rows).unwrap(), columns);
+        let fortran = npy(&[1.0, 3.0, 5.0, 2.0, 4.0, 6.0], &[3, 2], npyz::Order::Fortran);
+        assert_eq!(read_columns(&fortran).unwrap(), columns);
+        assert_eq!(read_columns(&npy(&[0_u8; 40], &[2, 20], npyz::Order::C)).unwrap().len(), 20);
+        assert!(read_columns(&rows[..rows.len() - 1]).is_err());
     }
 
     #[test]

@@ -47,8 +47,29 @@ pub fn write(cloud: &PointCloud, format: Format, out: &mut impl Write) -> io::Re
 /// # Errors
 /// Those of `out`.
 pub fn write_ply(cloud: &PointCloud, encoding: PlyEncoding, out: &mut impl Write) -> io::Result<()> {
+    write_annotated_ply(cloud, encoding, &[], out)
+}
+
+/// Writes a cloud as PLY with comments in its header, each on a line of its own.
+///
+/// # Errors
+/// Those of `out`.
+pub fn write_annotated_ply(
+    cloud: &PointCloud,
+    encoding: PlyEncoding,
+    comments: &[String],
+    out: &mut impl Write,
+) -> io::Result<()> {
     let header = PlyHeader::of(cloud, encoding);
-    out.write_all(&header.to_bytes())?;
+    let bytes = header.to_bytes();
+    // behind the first two lines: `ply` and the format
+    let (head, rest) = bytes
+        .split_at(bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(1).map_or(0, |(at, _)| at + 1));
+    out.write_all(head)?;
+    for comment in comments {
+        writeln!(out, "comment {}", comment.replace(['\n', '\r'], " "))?;
+    }
+    out.write_all(rest)?;
     for rows in header.chunks() {
         out.write_all(&header.encode_rows(&ply_columns(cloud, rows.start), rows.len()))?;
     }

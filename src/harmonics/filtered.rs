@@ -1,0 +1,173 @@
+//! A filter applied to a cloud: which of its numbers are filtered, and what the cloud is afterwards.
+
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::functions::{self, Function};
+use super::transform::{self, Energy, Transformed};
+use super::{Block, Transfer};
+use crate::cloud::{CloudError, NonFinite, PointCloud};
+use crate::geometry::normals;
+
+/// What of a cloud is filtered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Target {
+    /// The positions of its points.
+    Coordinates,
+    /// Some of its fields, by their places in the cloud.
+    Fields(Vec<usize>),
+}
+
+/// Why a field cannot be filtered or transformed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TargetError {
+    /// No such field.
+    #[error("the cloud has no field `{name}`; it has {}", known(.fields))]
+    Unknown {
+        /// The name asked for.
+        name: String,
+        /// Those there are.
+        fields: Vec<String>,
+    },
+    /// A value that is not finite.
+    #[error("`{name}` is not finite in row {row} (counting from 0)")]
+    NonFinite {
+        /// Name of the field or function.
+        name: String,
+        /// The first such row that carries mass.
+        row: usize,
+    },
+}
+
+fn known(fields: &[String]) -> String {
+    if fields.is_empty() { "none".to_owned() } else { fields.join(", ") }
+}
+
+impl Target {
+    /// The fields with these names; the coordinates when none is named.
+    ///
+    /// # Errors
+    /// [`TargetError::Unknown`].
+    pub fn named(cloud: &PointCloud, names: &[&str]) -> Result<Self, TargetError> {
+        if names.is_empty() {
+            return Ok(Self::Coordinates);
+        }
+        let find = |name: &&str| {
+            let place = cloud.fields().iter().position(|field| field.name == *name);
+            place.ok_or_else(|| TargetError::Unknown {
+                name: (*name).to_owned(),
+                fields: cloud.fields().iter().map(|field| field.name.clone()).collect(),
+            })
+        };
+        names.iter().map(find).collect::<Result<_, _>>().map(Self::Fields)
+    }
+
+    /// The numbers to filter; every duplicate has those of its first occurrence.
+    ///
+    /// # Errors
+    /// [`TargetError::NonFinite`].
+    pub fn functions(&self, cloud: &PointCloud, mass: &[f64]) -> Result<Vec<Function>, TargetError> {
+        let mut functions = match self {
+            Self::Coordinates => functions::coordinates(cloud),
+            Self::Fields(places) => places
+                .iter()
+                .map(|&place| &cloud.fields()[place])
+                .map(|field| Function { name: field.name.clone(), values: field.values.clone() })
+                .collect(),
+        };
+        if let Some(row_of) = functions::representatives(cloud, mass) {
+            functions.iter_mut().for_each(|function| functions::represent(&mut function.values, &row_of));
+        }
+        for function in &functions {
+            if let Some(row) = functions::first_nonfinite(&function.values, mass) {
+                return Err(TargetError::NonFinite { name: function.name.clone(), row });
+            }
+        }
+        Ok(functions)
+    }
+
+    /// The cloud with these numbers in place of its own, everything else as it was. Normals follow moved points.
+    ///
+    /// # Errors
+    /// [`CloudError`] when the numbers are not as many as the cloud's.
+    pub fn replaced(&self, cloud: &PointCloud, columns: &[Vec<f64>]) -> Result<PointCloud, CloudError> {
+        match self {
+            Self::Fields(places) => {
+                let mut fields = cloud.fields().to_vec();
+                for (&place, column) in places.iter().zip(columns) {
+                    fields[place].values.clone_from(column);
+                }
+                cloud.clone().with_fields(fields)
+            }
+            Self::Coordinates => {
+                let coordinates =
+                    (0..cloud.len()).flat_map(|row| columns.iter().map(move |column| column[row]));
+                let moved = PointCloud::new(cloud.dimension(), coordinates.collect(), NonFinite::Drop)?
+                    .with_coordinate_type(cloud.coordinate_type())
+                    .with_faces(cloud.faces().to_vec())?
+                    .with_fields(cloud.fields().to_vec())?;
+                with_normals(moved)
+            }
+        }
+    }
+}
+
+/// Recomputes the normals of a cloud in space that has them as fields `nx`, `ny`, `nz`.
+fn with_normals(cloud: PointCloud) -> Result<PointCloud, CloudError> {
+    let place = |name| cloud.fields().iter().position(|field| field.name == name);
+    let [Some(x), Some(y), Some(z)] = ["nx", "ny", "nz"].map(place) else { return Ok(cloud) };
+    if cloud.dimension() != 3 {
+        return Ok(cloud);
+    }
+    let mut fields = cloud.fields().to_vec();
+    let before: Vec<[f64; 3]> =
+        (0..cloud.len()).map(|row| [x, y, z].map(|place| fields[place].values[row])).collect();
+    for (row, normal) in normals(&cloud, &before).into_iter().enumerate() {
+        for (place, component) in [x, y, z].into_iter().zip(normal) {
+            fields[place].values[row] = component;
+        }
+    }
+    cloud.with_fields(fields)
+}
+
+/// A block's rows of the filtered functions. Rows without a result are as they were.
+#[must_use]
+pub fn rows<C: AsRef<[f64]>>(
+    block: &Block<C>,
+    functions: &[Function],
+    transformed: &[Transformed],
+    transfer: &Transfer,
+) -> Vec<Vec<f64>> {
+    let changes: Vec<Vec<f64>> = transformed.iter().map(|f| transfer.apply(&f.coefficients)).collect();
+    let changes: Vec<&[f64]> = changes.iter().map(Vec::as_slice).collect();
+    let mut columns = transform::synthesize(block, &changes);
+    for (column, function) in columns.iter_mut().zip(functions) {
+        let before = &function.values[block.first..block.first + block.rows()];
+        for (value, &before) in column.iter_mut().zip(before) {
+            *value = if value.is_nan() { before } else { *value + transfer.outside * before };
+        }
+    }
+    columns
+}
+
+/// A function's energy before and after a filter.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct Change {
+    /// Of the function as it was.
+    pub before: Energy,
+    /// Of the filtered function.
+    pub after: Energy,
+}
+
+impl Change {
+    /// In bands as of [`Energy::of`].
+    #[must_use]
+    pub fn of(function: &Transformed, transfer: &Transfer, bands: usize) -> Self {
+        let before = Energy::of(function, bands);
+        let coefficients = transfer.filtered(&function.coefficients);
+        let inside: f64 = coefficients.iter().map(|c| c * c).sum();
+        // what lies outside of the span is orthogonal to it
+        let energy = inside + transfer.outside.powi(2) * before.outside;
+        Self { after: Energy::of(&Transformed { coefficients, energy }, bands), before }
+    }
+}

@@ -1,0 +1,203 @@
+//! What a spectrum says of the whole surface: area, boundary length, Euler characteristic.
+//!
+//! All three stand in the heat trace `Z(τ) = Σ exp(−λ_i τ) = A/(4πτ) + ℓ/(8√(πτ)) + χ/6 + …` [PCD §4; Kac 1966], for
+//! natural (Neumann) rims that are smooth: every right-angled corner of a rim adds 1/8 to what is read as χ.
+//!
+//! A relative error e of the eigenvalues enters χ as `6 e A/(4πτ)`, so that 1 % drowns it at small times; at large times
+//! the terms left out do. Both are part of the uncertainty, the spread between fits that should agree.
+
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::Modes;
+use super::heat_trace::{self, WINDOW_START};
+use crate::geometry::Sampling;
+
+/// A number and how far fits that should agree on it are apart.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Sum of the distances to the other fits.
+    pub uncertainty: f64,
+}
+
+/// Invariants of a surface, in units of the cloud.
+#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+pub struct Invariants {
+    /// Sum of the Voronoi cells, in length².
+    pub cell_area: f64,
+    /// Area from the heat trace, in length²; null for fewer than 10 eigenvalues.
+    pub heat_trace_area: Option<Estimate>,
+    /// Whether so many cells lie on a rim that the surface is taken for an open one.
+    pub is_open: bool,
+    /// Length of the rims; null for a closed surface, and where the spectrum does not carry it.
+    pub boundary_length: Option<Estimate>,
+    /// Euler characteristic, summed over the components; null where the spectrum does not carry it.
+    pub euler_characteristic: Option<Estimate>,
+    /// The nearest whole number, when the uncertainty leaves one only.
+    pub euler_characteristic_rounded: Option<i64>,
+}
+
+/// Fewer modes are all taken up by the leading term.
+const MODES_MIN: usize = 50;
+
+/// Times in a window.
+const SAMPLES: usize = 24;
+
+/// Windows from the first time to so many times it.
+const SHORT: f64 = 4.0;
+const LONG: f64 = 8.0;
+
+/// A rim cannot be shorter than so many root-mean spacings of the whole surface: `√n` of them go once across it.
+const RIM_SHARE: f64 = 0.5;
+
+/// A fitted area farther than this from the cells' is no error of the eigenvalues: the window lies at times for which
+/// the surface's features are too small, and what is left for χ means nothing.
+const AREA_MISFIT_MAX: f64 = 0.03;
+
+/// Measures what the spectrum and the cells say.
+#[must_use]
+pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
+    let known = &modes.eigenvalues()[..modes.informative().end];
+    let cells = (sampling.area / (sampling.spacing * sampling.spacing)).max(1.0);
+    let is_open = sampling.rim_cells as f64 > RIM_SHARE * cells.sqrt();
+    let area = heat_trace::area(known);
+    let (length, euler) = match topology(known, sampling.area, is_open) {
+        Some((length, euler)) => (length, Some(euler)),
+        None => (None, None),
+    };
+    let rounded = euler.filter(|euler| euler.uncertainty < 0.5).map(|euler| euler.value.round() as i64);
+    Invariants {
+        cell_area: sampling.area,
+        heat_trace_area: area.map(|area| Estimate { value: area.area, uncertainty: area.uncertainty }),
+        is_open,
+        boundary_length: length,
+        euler_characteristic: euler,
+        euler_characteristic_rounded: rounded,
+    }
+}
+
+/// Boundary length, for an open surface, and Euler characteristic, from the smallest eigenvalues in 1/length² and the area
+/// in length². `None` for fewer than 50 eigenvalues, and when
+/// these are too few for the surface's features.
+///
+/// With `s = 4πτ/A` the trace is `1/s + ℓ/(4√A) s^-½ + χ/6 + O(s^½)`, the last O(s) on closed surfaces. There the first
+/// coefficient is fitted too: it takes up a common relative error of the eigenvalues. On open ones it cannot be told
+/// from the second and is held at 1.
+#[must_use]
+pub fn topology(eigenvalues: &[f64], area: f64, is_open: bool) -> Option<(Option<Estimate>, Estimate)> {
+    if eigenvalues.len() < MODES_MIN || area <= 0.0 || !area.is_finite() {
+        return None;
+    }
+    let fit = |ratio, powers: &[f64]| Trace { eigenvalues, area, ratio }.fit(powers);
+    let spread = |value: f64, others: [f64; 2]| Estimate {
+        value,
+        uncertainty: others.iter().map(|other| (value - other).abs()).sum(),
+    };
+    if is_open {
+        // coefficients of s^-½ and of 1
+        let main = fit(LONG, &[-0.5, 0.0])?;
+        let short = fit(SHORT, &[-0.5, 0.0])?;
+        let free = fit(LONG, &[-1.0, -0.5, 0.0])?;
+        let to_length = 4.0 * area.sqrt();
+        let length = spread(main[0] * to_length, [short[0] * to_length, free[1] * to_length]);
+        let euler = spread(6.0 * main[1], [6.0 * short[1], 6.0 * free[2]]);
+        Some((Some(length), euler))
+    } else {
+        let main = fit(SHORT, &[-1.0, 0.0, 1.0])?;
+        if (main[0] - 1.0).abs() > AREA_MISFIT_MAX {
+            return None;
+        }
+        let long = fit(LONG, &[-1.0, 0.0, 1.0])?;
+        let bent = fit(SHORT, &[-1.0, 0.0, 1.0, 2.0])?;
+        Some((None, spread(6.0 * main[1], [6.0 * long[1], 6.0 * bent[1]])))
+    }
+}
+
+/// A heat trace over a window of times.
+struct Trace<'a> {
+    eigenvalues: &'a [f64],
+    area: f64,
+    /// Last time over the first.
+    ratio: f64,
+}
+
+impl Trace<'_> {
+    /// Coefficients of these powers of `s = 4πτ/A` in the trace, least squares with weights s: errors of eigenvalues count
+    /// as 1/s. The power −1 is held at 1 unless it is among them.
+    fn fit(&self, powers: &[f64]) -> Option<Vec<f64>> {
+        let largest = *self.eigenvalues.last()?;
+        if !(largest > 0.0 && largest.is_finite()) {
+            return None;
+        }
+        let place = |i: usize| self.ratio.powf(i as f64 / (SAMPLES - 1) as f64);
+        let times: Vec<f64> = (0..SAMPLES).map(|i| WINDOW_START / largest * place(i)).collect();
+        let values: Vec<f64> = times.iter().map(|&tau| heat_trace::trace(self.eigenvalues, tau)).collect();
+        let held = if powers.contains(&-1.0) { 0.0 } else { 1.0 };
+        let s = |i: usize| 4.0 * std::f64::consts::PI * times[i] / self.area;
+        let rows = nalgebra::DMatrix::from_fn(SAMPLES, powers.len(), |i, j| s(i) * s(i).powf(powers[j]));
+        let wanted = nalgebra::DVector::from_fn(SAMPLES, |i, _| s(i) * (values[i] - held / s(i)));
+        let fitted = rows.svd(true, true).solve(&wanted, f64::EPSILON).ok()?;
+        Some(fitted.iter().copied().collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    fn within(estimate: Estimate, exact: f64, uncertainty_max: f64) {
+        assert!((estimate.value - exact).abs() <= estimate.uncertainty, "{estimate:?} {exact}");
+        assert!(estimate.uncertainty <= uncertainty_max, "{estimate:?}");
+    }
+
+    /// The `count` smallest of these.
+    fn smallest(all: impl Iterator<Item = f64>, count: usize) -> Vec<f64> {
+        let mut all: Vec<f64> = all.collect();
+        all.sort_by(f64::total_cmp);
+        all.truncate(count);
+        all
+    }
+
+    #[test]
+    fn the_exact_spectrum_of_the_sphere_has_characteristic_2() {
+        let levels = (0..20).flat_map(|l| std::iter::repeat_n(f64::from(l * (l + 1)), 2 * l as usize + 1));
+        for count in [100, 200, 400] {
+            let (length, euler) = topology(&smallest(levels.clone(), count), 4.0 * PI, false).unwrap();
+            assert_eq!(length, None);
+            within(euler, 2.0, 0.2);
+        }
+    }
+
+    #[test]
+    fn the_exact_spectrum_of_the_flat_torus_has_characteristic_0() {
+        let lattice = (-15..16).flat_map(|a| (-15..16).map(move |b| f64::from(a * a + b * b)));
+        within(topology(&smallest(lattice, 200), 4.0 * PI * PI, false).unwrap().1, 0.0, 0.2);
+    }
+
+    #[test]
+    fn the_exact_spectrum_of_the_square_has_its_rim_and_half_a_characteristic_too_much_for_its_corners() {
+        let lattice = (0..30).flat_map(|a| (0..30).map(move |b| PI * PI * f64::from(a * a + b * b)));
+        let (length, euler) = topology(&smallest(lattice, 200), 1.0, true).unwrap();
+        within(length.unwrap(), 4.0, 0.05);
+        within(euler, 1.5, 0.1);
+    }
+
+    #[test]
+    fn the_exact_spectrum_of_the_cylinder_has_two_rims_and_characteristic_0() {
+        let waves =
+            (-30..31).flat_map(|a| (0..40).map(move |b| f64::from(a * a) + PI * PI / 4.0 * f64::from(b * b)));
+        let (length, euler) = topology(&smallest(waves, 200), 4.0 * PI, true).unwrap();
+        within(length.unwrap(), 4.0 * PI, 0.1);
+        within(euler, 0.0, 0.1);
+    }
+
+    #[test]
+    fn too_few_eigenvalues_carry_no_topology() {
+        assert_eq!(topology(&[1.0; 49], 1.0, false), None);
+        assert_eq!(topology(&[0.0; 60], 1.0, false), None);
+    }
+}

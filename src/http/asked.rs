@@ -1,0 +1,234 @@
+//! What every request for a job's result has in common: arguments, the format to answer in, and a job that has finished.
+
+use std::marker::PhantomData;
+use std::time::Duration;
+
+use axum::extract::{FromRequestParts, Path};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, Method, Uri};
+use utoipa::IntoResponses;
+use uuid::Uuid;
+
+use super::accept::{self, JSON, NPY, Offer, PLY};
+use super::problem::{self, Kind, Problem, ProblemDocument};
+use super::query::{Accepts, Argument, Arguments};
+use super::{Service, Shared, jobs, parse_id};
+use crate::harmonics::Modes;
+use crate::jobs::StoredBases;
+use crate::spectrum::Spectrum;
+use crate::store::JobRecord;
+
+/// Answers as JSON, at most: text is three times the size of the numbers, and slow to read.
+pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
+/// Bytes of a number as JSON text, comma included: 17 digits, sign, point, and often an exponent.
+const JSON_NUMBER_BYTES: u64 = 22;
+
+/// Waiting, which every result offers.
+pub(crate) const WAIT: &[Argument] = &[Argument {
+    name: "wait",
+    alias: None,
+    accepts: Accepts::Integer(0, jobs::WAIT_SECONDS_MAX),
+    default: "0",
+    meaning: "Seconds to wait for the job's end before answering.",
+}];
+
+/// The argument that chooses the format of an answer.
+pub(crate) const fn format(
+    words: &'static [&'static str],
+    default: &'static str,
+    meaning: &'static str,
+) -> Argument {
+    Argument { name: "format", alias: None, accepts: Accepts::Word(words), default, meaning }
+}
+
+/// A result of jobs: what it can be had as, and what may be asked of it.
+pub(crate) trait Resource: Send + 'static {
+    /// Formats, the default first.
+    const OFFERS: &'static [Offer];
+
+    /// Reads the query.
+    ///
+    /// # Errors
+    /// A problem that names the argument and what would be accepted.
+    fn arguments(uri: &Uri) -> Result<Arguments, Problem>;
+}
+
+/// A request for the result R of a job, parsed.
+pub(crate) struct Asked<R> {
+    /// What the handlers work with.
+    pub service: Shared,
+    /// The job as named in the path.
+    pub id: String,
+    /// How to answer.
+    pub offer: Offer,
+    /// The query.
+    pub arguments: Arguments,
+    /// GET, HEAD or POST.
+    pub method: Method,
+    /// The request's headers.
+    pub headers: HeaderMap,
+    resource: PhantomData<fn() -> R>,
+}
+
+impl<R: Resource> FromRequestParts<Shared> for Asked<R> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, service: &Shared) -> Result<Self, Problem> {
+        let arguments = R::arguments(&parts.uri)?;
+        let offer = accept::choose(arguments.word("format"), &parts.headers, R::OFFERS)?;
+        let path = Path::<String>::from_request_parts(parts, service).await;
+        let Path(id) = path.map_err(|rejection| Problem::new(Kind::NotFound, rejection.body_text()))?;
+        let (method, headers) = (parts.method.clone(), parts.headers.clone());
+        let service = service.clone();
+        Ok(Self { service, id, offer, arguments, method, headers, resource: PhantomData })
+    }
+}
+
+impl<R: Resource> Asked<R> {
+    /// The same under a file name with the ending `ending`; `None` when it is not offered in that format.
+    ///
+    /// # Errors
+    /// A problem with the query.
+    pub(super) fn as_file(
+        service: &Shared,
+        id: &str,
+        ending: &str,
+        (method, uri, headers): (&Method, &Uri, &HeaderMap),
+    ) -> Result<Option<Self>, Problem> {
+        let Some(offer) = R::OFFERS.iter().find(|offer| offer.name == ending).copied() else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            service: service.clone(),
+            id: id.to_owned(),
+            offer,
+            arguments: R::arguments(uri)?,
+            method: method.clone(),
+            headers: headers.clone(),
+            resource: PhantomData,
+        }))
+    }
+
+    /// The job, once it has succeeded.
+    ///
+    /// # Errors
+    /// A problem that tells the state of a job without a result.
+    pub(super) async fn job(&self) -> Result<JobRecord, Problem> {
+        let wait = Duration::from_secs(self.arguments.integer("wait").unwrap_or(0));
+        finished(&self.service, &self.id, wait).await
+    }
+
+    /// The job and its spectrum, once it has succeeded.
+    ///
+    /// # Errors
+    /// As [`Self::job`], and for jobs that built the operator only.
+    pub(super) async fn eigen(&self) -> Result<(JobRecord, Spectrum), Problem> {
+        of_eigen(self.job().await?)
+    }
+
+    /// The job, its modes and its stored bases, once it has succeeded.
+    ///
+    /// # Errors
+    /// As [`Self::eigen`].
+    pub(super) async fn harmonics(&self) -> Result<Harmonics, Problem> {
+        let (job, spectrum) = self.eigen().await?;
+        let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
+        let bases = StoredBases::new(store, compute, job.id, job.points as usize, spectrum.eigenvalues.len());
+        Ok(Harmonics { modes: Modes::of(&spectrum), job, bases })
+    }
+
+    /// Refuses an answer of `numbers` numbers in JSON when that is too much text.
+    ///
+    /// # Errors
+    /// A problem that names another format, if there is one.
+    pub(super) fn refuse_large_json(&self, numbers: u64) -> Result<(), Problem> {
+        let bytes = numbers.saturating_mul(JSON_NUMBER_BYTES);
+        if self.offer != JSON || bytes <= JSON_BYTES_MAX {
+            return Ok(());
+        }
+        let others: Vec<_> =
+            R::OFFERS.iter().filter(|offer| [NPY, PLY].contains(offer)).map(|offer| offer.name).collect();
+        Err(Problem::new(
+            Kind::NotAcceptable,
+            format!(
+                "as JSON this would be about {} MB, over the limit of {} MB; ask for less, or for {}",
+                bytes >> 20,
+                JSON_BYTES_MAX >> 20,
+                R::OFFERS
+                    .iter()
+                    .filter(|offer| others.contains(&offer.name))
+                    .map(|offer| format!("{0} (?format={0} or Accept: {1})", offer.name, offer.media_type()))
+                    .collect::<Vec<_>>()
+                    .join(" or ")
+            ),
+        )
+        .with("accepted", others))
+    }
+}
+
+/// An eigenbasis in the store.
+pub(super) struct Harmonics {
+    /// The job that computed it, its spectrum taken out.
+    pub job: JobRecord,
+    /// Eigenvalues.
+    pub modes: Modes,
+    /// Bases.
+    pub bases: StoredBases,
+}
+
+/// A job once it has succeeded, waited for at most `wait`.
+///
+/// # Errors
+/// A problem that tells the state of a job without a result.
+pub(super) async fn finished(service: &Service, id: &str, wait: Duration) -> Result<JobRecord, Problem> {
+    let job = jobs::settled(service, parse_id(id)?, wait).await?;
+    match problem::without_result(&job) {
+        Some(problem) => Err(problem),
+        None => Ok(job),
+    }
+}
+
+/// The spectrum of a job that has succeeded, taken out of it.
+///
+/// # Errors
+/// A problem for jobs that built the operator only.
+pub(super) fn of_eigen(mut job: JobRecord) -> Result<(JobRecord, Spectrum), Problem> {
+    let spectrum = job.report.as_mut().and_then(|report| report.spectrum.take());
+    match spectrum {
+        Some(spectrum) => Ok((job, spectrum)),
+        None => Err(Problem::new(
+            Kind::NoSuchResult,
+            format!(
+                "job {} built the operator only; submit {{\"kind\": \"eigen\"}} to /clouds/{}/jobs for bases and spectrum",
+                job.id, job.cloud_id
+            ),
+        )
+        .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) }))),
+    }
+}
+
+/// Problems that every request for a job's result may meet, for the OpenAPI document.
+#[derive(IntoResponses)]
+#[allow(dead_code)] // describes what is answered elsewhere
+pub(crate) enum ResultProblems {
+    /// No such job.
+    #[response(status = 404, content_type = "application/problem+json")]
+    NotFound(#[to_schema] ProblemDocument),
+    /// None of the formats is acceptable, or JSON would be too large.
+    #[response(status = 406, content_type = "application/problem+json")]
+    NotAcceptable(#[to_schema] ProblemDocument),
+    /// The job has no such result, or not yet.
+    #[response(status = 409, content_type = "application/problem+json")]
+    Conflict(#[to_schema] ProblemDocument),
+    /// A parameter is not accepted.
+    #[response(status = 422, content_type = "application/problem+json")]
+    Unprocessable(#[to_schema] ProblemDocument),
+}
+
+/// A tag that names an answer by what determines it.
+pub(super) fn tag(job: Uuid, parts: &impl serde::Serialize) -> String {
+    use sha2::{Digest, Sha256};
+    let text = serde_json::to_vec(parts).unwrap_or_default();
+    let digest = Sha256::digest(&text);
+    format!("{}-{}", job.simple(), Uuid::from_slice(&digest[..16]).unwrap_or_default().simple())
+}

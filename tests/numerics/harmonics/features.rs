@@ -1,0 +1,100 @@
+//! Feature points: found again on another sampling of the same shape [PBMHB §5.5, Fig. 10, 11].
+
+use std::io::Write as _;
+
+use chladni::cloud::reader::{Format, ReadOptions, read};
+use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
+use chladni::cloud::{NonFinite, PointCloud};
+use chladni::harmonics::Surroundings;
+use chladni::harmonics::features::{self, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
+use chladni::operator::OperatorKind::{self, Graph, PbMhb};
+
+use super::Basis;
+use crate::{hashed, parameters};
+
+/// Feature points of a cloud, and its covering radius.
+fn features_of(cloud: &PointCloud, basis: &Basis) -> (Vec<Feature>, f64) {
+    let epsilon = basis.analysis.report.sampling.epsilon;
+    let surroundings = Surroundings::find(cloud, &basis.mass, RADIUS_IN_EPSILON * epsilon).unwrap();
+    let area: f64 = basis.mass.iter().filter(|mass| !mass.is_nan()).sum();
+    let first = basis.modes.zero_modes();
+    let extrema: Vec<_> =
+        basis.columns[first..].iter().map(|h| features::extrema(h, &surroundings, area)).collect();
+    let places = features::features(&extrema, first, &surroundings, PERSISTENCE_MIN);
+    (places.iter().map(|place| place.in_cloud(&surroundings, cloud)).collect(), epsilon)
+}
+
+fn distance(p: &[f64], q: &[f64]) -> f64 {
+    p.iter().zip(q).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// The share of feature points of both clouds that have a counterpart in the other within twice the coarser ε.
+fn share_matched(clouds: [&PointCloud; 2], operator: OperatorKind, modes: usize) -> (f64, [usize; 2]) {
+    let [(one, epsilon), (other, coarser)] = clouds.map(|cloud| {
+        let basis = Basis::of(cloud, &parameters(operator, modes));
+        features_of(cloud, &basis)
+    });
+    let reach = 2.0 * epsilon.max(coarser);
+    let matched = |from: &[Feature], to: &[Feature]| {
+        from.iter().filter(|p| to.iter().any(|q| distance(&p.position, &q.position) <= reach)).count()
+    };
+    let found = matched(&one, &other) + matched(&other, &one);
+    (found as f64 / (one.len() + other.len()) as f64, [one.len(), other.len()])
+}
+
+/// The two-hole torus, regularly and irregularly sampled [PBMHB Fig. 10].
+#[test]
+fn feature_points_of_the_two_hole_torus_are_found_on_both_samplings() {
+    let drawn = |sampling| {
+        sample(&SampleRequest { sampling, ..SampleRequest::new(Shape::TwoHoleTorus, 5_000) }).unwrap()
+    };
+    let clouds = [drawn(Sampling::Uniform), drawn(Sampling::NonUniform)];
+    compare("two-hole torus", [&clouds[0], &clouds[1]]);
+}
+
+/// Our bases find most feature points again, those of the graph fewer.
+fn compare(name: &str, clouds: [&PointCloud; 2]) {
+    let [ours, graph] = [PbMhb, Graph].map(|operator| {
+        let (share, counts) = share_matched(clouds, operator, 20);
+        let _ = writeln!(std::io::stderr(), "{name}, {}: {share:.3} of {counts:?} matched", operator.name());
+        share
+    });
+    assert!(ours >= 0.8 && ours > graph, "{name}: {ours} {graph}");
+}
+
+/// A scan, thinned evenly and by a density that grows fivefold along its longest axis.
+#[test]
+fn feature_points_of_a_scan_are_found_on_both_samplings() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/igea.ply");
+    let Ok(bytes) = std::fs::read(path) else {
+        // not println!, which the test harness keeps to itself when a test passes
+        let _ = writeln!(std::io::stderr(), "SKIPPED: {path} is not there; the project does not carry scans");
+        return;
+    };
+    let scan = read(&bytes, Format::Ply, &ReadOptions::default()).unwrap();
+    let (low, high) = scan.bounding_box().unwrap();
+    let thinned = |keep: &dyn Fn(&[f64]) -> f64, seed: u64| {
+        let rows = (0..scan.len()).filter(|&i| hashed(seed + i as u64) < keep(scan.point(i)));
+        let points = rows.flat_map(|i| scan.point(i).to_vec()).collect();
+        PointCloud::new(3, points, NonFinite::Reject).unwrap()
+    };
+    let even = thinned(&|_| 0.1, 0);
+    let graded = thinned(&|p| 0.04 * 5.0_f64.powf((p[1] - low[1]) / (high[1] - low[1])), 1 << 40);
+    compare(&format!("Igea, {} and {} points", even.len(), graded.len()), [&even, &graded]);
+}
+
+#[test]
+fn the_tips_of_an_ellipsoid_are_its_first_feature_points() {
+    let ellipsoid = sample(&SampleRequest::new(Shape::Ellipsoid, 3_000)).unwrap();
+    let basis = Basis::of(&ellipsoid, &parameters(PbMhb, 12));
+    let (found, epsilon) = features_of(&ellipsoid, &basis);
+    for tip in [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]] {
+        let near = found.iter().take(6).any(|feature| distance(&feature.position, &tip) < 4.0 * epsilon);
+        assert!(near, "{tip:?}: {found:?}");
+    }
+    for feature in &found {
+        assert_eq!(feature.position, ellipsoid.point(feature.index));
+        assert!(feature.pairs.iter().all(|[i, j]| i + 1 == *j && *i >= 1 && *j < 12));
+    }
+    assert!(found.is_sorted_by(|a, b| a.persistence >= b.persistence));
+}
