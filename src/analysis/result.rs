@@ -1,5 +1,9 @@
 //! An analysis with its arrays, in rows of the upload.
 
+use std::io::{self, Write};
+
+use rayon::prelude::*;
+
 use super::Report;
 use crate::geometry::Points;
 use crate::operator::Sparse;
@@ -45,6 +49,57 @@ impl SparseMatrix {
                 })
             })
         })
+    }
+}
+
+impl SparseMatrix {
+    /// Columns and values of a row.
+    fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let entries = self.offsets[i] as usize..self.offsets[i + 1] as usize;
+        entries.map(|entry| (self.columns[entry] as usize, self.values[entry]))
+    }
+
+    /// Writes the matrix in Matrix Market's coordinate format, indices from 1: `symmetric` with the lower triangle, or
+    /// `general`. `comment` is a line of its own unless it is empty.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_matrix_market(&self, comment: &str, out: &mut impl Write) -> io::Result<()> {
+        let n = self.offsets.len() - 1;
+        let symmetric = self.is_symmetric();
+        let written = |i: usize| self.row(i).filter(move |&(j, _)| !symmetric || j <= i);
+        let entries: usize = (0..n).map(|i| written(i).count()).sum();
+        writeln!(
+            out,
+            "%%MatrixMarket matrix coordinate real {}",
+            if symmetric { "symmetric" } else { "general" }
+        )?;
+        if !comment.is_empty() {
+            writeln!(out, "% {comment}")?;
+        }
+        writeln!(out, "{n} {n} {entries}")?;
+        (0..n).try_for_each(|i| {
+            written(i).try_for_each(|(j, value)| writeln!(out, "{} {} {value:e}", i + 1, j + 1))
+        })
+    }
+
+    /// Δf for values of a function, one per row: `B⁻¹ Q f` with this matrix as `Q` and the diagonal `mass` of `B`. Rows
+    /// without mass (duplicates, rows without a result) are NaN.
+    ///
+    /// # Panics
+    /// Unless `f` and `mass` have one value per row.
+    #[must_use]
+    pub fn laplacian_of(&self, mass: &[f64], f: &[f64]) -> Vec<f64> {
+        let n = self.offsets.len() - 1;
+        assert!(mass.len() == n && f.len() == n);
+        (0..n)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|i| match mass[i] {
+                b if b > 0.0 => self.row(i).map(|(j, value)| value * f[j]).sum::<f64>() / b,
+                _ => f64::NAN,
+            })
+            .collect()
     }
 }
 
@@ -117,21 +172,65 @@ impl Analysis {
         Some(matrix)
     }
 
-    /// Δf for values of a function, one per row: `−B⁻¹ S f`. Duplicates repeat their first occurrence, NaN without a
-    /// result. Present for [`super::JobKind::Operator`].
+    /// Δf for values of a function, one per row. Duplicates repeat their first occurrence, NaN without a result.
+    /// Present for [`super::JobKind::Operator`].
     ///
     /// # Panics
     /// Unless `f` has one value per row.
     #[must_use]
     pub fn laplacian_of(&self, f: &[f64]) -> Option<Vec<f64>> {
-        assert_eq!(f.len(), self.points.rows());
-        let stiffness = self.stiffness.as_ref()?;
-        let mut values = vec![0.0; stiffness.rows()];
-        for (point, &place) in self.place.iter().enumerate().filter(|(_, place)| **place != NO_PLACE) {
-            values[place as usize] = f[self.points.row(point)];
+        let mut values = self.operator_matrix()?.laplacian_of(&self.mass(), f);
+        for row in 0..values.len() {
+            if let Some(point) = self.points.of_row(row) {
+                values[row] = values[self.points.row(point)];
+            }
         }
-        let product = stiffness.product(&values);
-        let laplacian = |place: usize| 0.0 - product[place] / self.mass[place];
-        Some((0..f.len()).map(|row| self.place_of_row(row).map_or(f64::NAN, laplacian)).collect())
+        Some(values)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn text(matrix: &SparseMatrix) -> String {
+        let mut text = Vec::new();
+        matrix.write_matrix_market("", &mut text).unwrap();
+        String::from_utf8(text).unwrap()
+    }
+
+    /// A path graph of two edges, weights 2 and 3, and an isolated row.
+    fn path() -> SparseMatrix {
+        SparseMatrix {
+            offsets: vec![0, 2, 5, 7, 7],
+            columns: vec![0, 1, 0, 1, 2, 1, 2],
+            values: vec![-2.0, 2.0, 2.0, -5.0, 3.0, 3.0, -3.0],
+        }
+    }
+
+    #[test]
+    fn a_symmetric_matrix_is_written_as_its_lower_triangle_counting_from_one() {
+        assert_eq!(
+            text(&path()),
+            "%%MatrixMarket matrix coordinate real symmetric\n4 4 5\n1 1 -2e0\n2 1 2e0\n2 2 -5e0\n3 2 3e0\n3 3 -3e0\n"
+        );
+    }
+
+    #[test]
+    fn a_matrix_without_symmetry_is_written_whole() {
+        let skew =
+            SparseMatrix { offsets: vec![0, 1, 3], columns: vec![1, 0, 1], values: vec![1.0, 2.0, 3.0] };
+        assert!(!skew.is_symmetric());
+        assert_eq!(
+            text(&skew),
+            "%%MatrixMarket matrix coordinate real general\n2 2 3\n1 2 1e0\n2 1 2e0\n2 2 3e0\n"
+        );
+    }
+
+    #[test]
+    fn the_laplacian_divides_by_the_mass_and_rows_without_are_not_numbers() {
+        let found = path().laplacian_of(&[1.0, 2.0, 4.0, f64::NAN], &[1.0, 2.0, 4.0, 9.0]);
+        assert_eq!(found[..3], [2.0, 2.0, -1.5]);
+        assert!(found[3].is_nan());
     }
 }

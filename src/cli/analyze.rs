@@ -7,7 +7,7 @@ mod summary;
 use std::path::{Path, PathBuf};
 
 use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
-use chladni::cloud::reader::{Format, Limits, ReadOptions, read};
+use chladni::cloud::reader::{Format, Limits, ReadOptions, read, read_columns};
 use chladni::cloud::{NonFinite, PointCloud};
 use chladni::operator::{Distance, OperatorKind, Parameterization};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -28,9 +28,13 @@ pub(crate) struct AnalyzeArgs {
     #[arg(long)]
     force: bool,
 
-    /// Operator and mass only, or eigenpairs too
-    #[arg(long, default_value = "eigen", value_parser = kinds())]
-    kind: JobKind,
+    /// Operator and mass only, or eigenpairs too; eigenpairs unless functions are to be applied
+    #[arg(long, value_parser = kinds())]
+    kind: Option<JobKind>,
+
+    /// Apply the operator to functions, an npy file of n or n × m numbers, and write laplacian.npy
+    #[arg(long, value_name = "FILE")]
+    apply: Option<PathBuf>,
 
     /// Format of the cloud, where neither extension nor content tell
     #[arg(long, value_parser = formats())]
@@ -183,13 +187,41 @@ fn formats() -> impl TypedValueParser<Value = Format> {
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<(), Failure> {
     let parameters = args.parameters.parameters();
     parameters.check().map_err(Failure::input)?;
+    let kind = kind(args)?;
     let directory = output::Directory::prepare(&args.output, args.force)?;
     let cloud = cloud(args)?;
+    let functions = args.apply.as_deref().map(|path| functions(path, cloud.len())).transpose()?;
     analysis::admit(&cloud, &parameters).map_err(|error| of_analysis(&error))?;
-    let ran = run::with_progress(&cloud, args.kind, &parameters, args.threads)?;
-    let files = results::write(directory, &cloud, args.kind, &ran)?;
+    let ran = run::with_progress(&cloud, kind, &parameters, args.threads)?;
+    let files = results::write(directory, &cloud, kind, functions.as_deref(), &ran)?;
     summary::print(&ran, &files);
     Ok(())
+}
+
+/// What is computed: bases and the operator do not come together, because the operator is used up by its bases.
+fn kind(args: &AnalyzeArgs) -> Result<JobKind, Failure> {
+    match (args.kind, &args.apply) {
+        (Some(JobKind::Eigen), Some(_)) => Err(Failure::Input(
+            "--apply needs the operator itself: leave --kind out or say --kind operator".into(),
+        )),
+        (None, Some(_)) => Ok(JobKind::Operator),
+        (kind, None) => Ok(kind.unwrap_or_default()),
+        (Some(kind), _) => Ok(kind),
+    }
+}
+
+/// One value per row of the cloud for every function.
+fn functions(path: &Path, rows: usize) -> Result<Vec<Vec<f64>>, Failure> {
+    let shown = path.display();
+    let bytes = std::fs::read(path).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
+    let columns = read_columns(&bytes).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
+    match columns.first() {
+        Some(column) if column.len() == rows => Ok(columns),
+        found => {
+            let found = found.map_or(0, Vec::len);
+            Err(Failure::Input(format!("{shown} has {found} rows; the cloud has {rows}")))
+        }
+    }
 }
 
 fn cloud(args: &AnalyzeArgs) -> Result<PointCloud, Failure> {

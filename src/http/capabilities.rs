@@ -13,8 +13,8 @@ use super::parameters::{KIND, PARAMETERS};
 use super::query::{Accepts, Argument};
 use super::submission::UPLOAD;
 use super::{
-    Shared, asked, bases, coefficients, distances, features, filtered, jobs, operator, points, signatures,
-    similarity, spectrum,
+    Shared, asked, bases, coefficients, distances, features, filtered, jobs, laplacian, operator, points,
+    signatures, similarity, spectrum,
 };
 use crate::cloud::reader::Format;
 use crate::harmonics::FilterKind;
@@ -148,6 +148,7 @@ fn results() -> BTreeMap<&'static str, ResultView> {
         ("spectrum", view(&spectrum::OFFERS, spectrum::ReadSpectrum::TABLES)),
         ("operator", view(&operator::OFFERS, operator::ReadOperator::TABLES)),
         ("coefficients", view(&coefficients::OFFERS, coefficients::ReadCoefficients::TABLES)),
+        ("laplacian", view(&laplacian::OFFERS, laplacian::ApplyLaplacian::TABLES)),
         ("synthesis", view(&coefficients::SYNTHESIS_OFFERS, coefficients::Synthesize::TABLES)),
         ("filtered", view(&filtered::OFFERS, filtered::ReadFiltered::TABLES)),
         ("features", view(&features::OFFERS, features::ReadFeatures::TABLES)),

@@ -20,7 +20,7 @@ use super::{functions, matrix};
 use crate::cloud::ScalarType;
 use crate::cloud::writer::{Column, encode_rows, npy_header};
 use crate::harmonics::filtered::Target;
-use crate::harmonics::functions::{first_nonfinite, rows_without_result};
+use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Energy, Function, Modes, Transformed, transform};
 
 /// What coefficients can be had as.
@@ -154,19 +154,7 @@ pub(crate) async fn of_posted(
     let given = functions::receive(&asked.service, request).await?;
     functions::check_length(&given, harmonics.bases.rows())?;
     let mass = asked.service.store.mass(harmonics.job.id).await?;
-    for function in &given {
-        if let Some(row) = first_nonfinite(&function.values, &mass) {
-            return Err(Problem::new(
-                Kind::InvalidParameter,
-                format!(
-                    "`{}` is not finite in row {row} (counting from 0); only rows without a result may be null",
-                    function.name
-                ),
-            )
-            .with("parameter", function.name.clone())
-            .with("row", row));
-        }
-    }
+    functions::check_finite(&given, &mass)?;
     asked.forget_conditions();
     let tag = harmonics.job.id.simple().to_string();
     transformed(&asked, harmonics, given, mass, BTreeMap::new(), tag).await

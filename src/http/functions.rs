@@ -8,6 +8,7 @@ use super::problem::{Kind, Problem};
 use super::{Service, upload};
 use crate::cloud::reader::read_columns;
 use crate::harmonics::Function;
+use crate::harmonics::functions::first_nonfinite;
 
 /// What every `.npy` file begins with.
 const NPY_MAGIC: &[u8] = b"\x93NUMPY";
@@ -118,6 +119,27 @@ pub(super) fn check_length(functions: &[Function], rows: usize) -> Result<(), Pr
         .with("parameter", function.name.clone())
         .with("points", rows)),
     }
+}
+
+/// Refuses functions that are not finite in a row that takes part.
+///
+/// # Errors
+/// A problem that names the function and the row.
+pub(super) fn check_finite(functions: &[Function], mass: &[f64]) -> Result<(), Problem> {
+    for function in functions {
+        if let Some(row) = first_nonfinite(&function.values, mass) {
+            return Err(Problem::new(
+                Kind::InvalidParameter,
+                format!(
+                    "`{}` is not finite in row {row} (counting from 0); only rows without a result may be null",
+                    function.name
+                ),
+            )
+            .with("parameter", function.name.clone())
+            .with("row", row));
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

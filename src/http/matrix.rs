@@ -1,6 +1,6 @@
-//! Symmetric sparse matrices as files: Matrix Market, and the archive that SciPy loads.
+//! Sparse matrices as files: Matrix Market, and the archive that SciPy loads.
 
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 use std::ops::Range;
 
 use axum::body::{Body, Bytes};
@@ -10,28 +10,15 @@ use npyz::sparse::CsrBase;
 use super::problem::Problem;
 use crate::analysis::SparseMatrix;
 
-/// Matrix Market, `coordinate real symmetric`: the lower triangle, indices from 1.
+/// Matrix Market, indices from 1: `coordinate real symmetric` with the lower triangle, or `general` with all entries of a
+/// matrix without symmetry.
 ///
 /// # Errors
-/// None; the signature is that of [`scipy_archive`].
+/// A problem of ours when the text cannot be written.
 pub(crate) fn matrix_market(matrix: &SparseMatrix) -> Result<Vec<u8>, Problem> {
-    let n = matrix.offsets.len() - 1;
-    let lower = (0..n)
-        .map(|row| row_entries(matrix, row).filter(|(column, _)| *column <= row).count())
-        .sum::<usize>();
-    let mut text = format!("%%MatrixMarket matrix coordinate real symmetric\n{n} {n} {lower}\n").into_bytes();
-    for row in 0..n {
-        for (column, value) in row_entries(matrix, row).filter(|(column, _)| *column <= row) {
-            writeln!(text, "{} {} {value:e}", row + 1, column + 1)
-                .map_err(|error| Problem::internal(&error))?;
-        }
-    }
+    let mut text = Vec::new();
+    matrix.write_matrix_market("", &mut text).map_err(|error| Problem::internal(&error))?;
     Ok(text)
-}
-
-fn row_entries(matrix: &SparseMatrix, row: usize) -> impl Iterator<Item = (usize, f64)> {
-    let entries = matrix.offsets[row] as usize..matrix.offsets[row + 1] as usize;
-    entries.map(|entry| (matrix.columns[entry] as usize, matrix.values[entry]))
 }
 
 /// What `scipy.sparse.load_npz` reads: `format`, `shape`, `data`, `indices`, `indptr` of a CSR matrix.
@@ -68,15 +55,6 @@ mod tests {
             columns: vec![0, 1, 0, 1, 2, 1, 2],
             values: vec![-2.0, 2.0, 2.0, -5.0, 3.0, 3.0, -3.0],
         }
-    }
-
-    #[test]
-    fn matrix_market_holds_the_lower_triangle_counting_from_one() {
-        let text = String::from_utf8(matrix_market(&path()).unwrap()).unwrap();
-        assert_eq!(
-            text,
-            "%%MatrixMarket matrix coordinate real symmetric\n4 4 5\n1 1 -2e0\n2 1 2e0\n2 2 -5e0\n3 2 3e0\n3 3 -3e0\n"
-        );
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod health;
 mod index;
 mod jobs;
 mod keys;
+mod laplacian;
 mod matrix;
 mod openapi;
 mod operator;
@@ -109,6 +110,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(bases::bases))
         .routes(routes!(spectrum::spectrum))
         .routes(routes!(operator::operator))
+        .routes(routes!(laplacian::laplacian))
         .routes(routes!(coefficients::coefficients, coefficients::of_posted))
         .routes(routes!(coefficients::synthesis))
         .routes(routes!(filtered::filtered, filtered::by_gains))

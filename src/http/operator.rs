@@ -30,7 +30,7 @@ const ARGUMENTS: &[Argument] = &[
         alias: None,
         accepts: Accepts::Word(&["q", "b"]),
         default: "q",
-        meaning: "Which matrix: `Q` (symmetric, zero row sums, negative semi-definite; the stiffness is −Q) or `B` (the diagonal mass).",
+        meaning: "Which matrix of `L = B⁻¹Q`: `Q` (for most operators symmetric, zero row sums, negative semi-definite; the stiffness is −Q) or `B` (the diagonal mass).",
     },
 ];
 
@@ -75,15 +75,8 @@ pub(crate) async fn operator(asked: Asked<ReadOperator>) -> Result<Response, Pro
         return Ok(Json(describe(&job)?).into_response());
     }
     let name = if asked.arguments.word("matrix") == Some("b") { 'B' } else { 'Q' };
-    if name == 'Q' && job.kind != JobKind::Operator {
-        return Err(Problem::new(
-            Kind::NoSuchResult,
-            format!(
-                "job {} keeps its bases and B, not Q; submit {{\"kind\": \"operator\"}} with the same parameters to /clouds/{}/jobs",
-                job.id, job.cloud_id
-            ),
-        )
-        .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) })));
+    if name == 'Q' {
+        check_kept(&job)?;
     }
     let matrix = match name {
         'B' => diagonal(&service.store.mass(job.id).await?),
@@ -98,6 +91,24 @@ pub(crate) async fn operator(asked: Asked<ReadOperator>) -> Result<Response, Pro
         length: Some(bytes.len() as u64),
     };
     download.answer(&asked.method, &asked.headers, |span| matrix::part(bytes, span))
+}
+
+/// Refuses jobs that did not keep Q.
+///
+/// # Errors
+/// A problem that says what to submit.
+pub(super) fn check_kept(job: &JobRecord) -> Result<(), Problem> {
+    if job.kind == JobKind::Operator {
+        return Ok(());
+    }
+    Err(Problem::new(
+        Kind::NoSuchResult,
+        format!(
+            "job {} keeps its bases and B, not Q; submit {{\"kind\": \"operator\"}} with the same parameters to /clouds/{}/jobs",
+            job.id, job.cloud_id
+        ),
+    )
+    .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) })))
 }
 
 fn describe(job: &JobRecord) -> Result<OperatorView, Problem> {

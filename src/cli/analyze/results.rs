@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use chladni::analysis::{Analysis, JobKind, SparseMatrix};
+use chladni::analysis::{Analysis, JobKind};
 use chladni::cloud::writer::{Column, PlyEncoding, PlyHeader, encode_column, encode_faces, encode_rows};
 use chladni::cloud::writer::{npy_header_by_columns, npy_vector_header, ply_columns};
 use chladni::cloud::{PointCloud, ScalarType};
@@ -16,6 +16,7 @@ pub(super) fn write(
     mut directory: output::Directory,
     cloud: &PointCloud,
     kind: JobKind,
+    functions: Option<&[Vec<f64>]>,
     ran: &Ran,
 ) -> Result<Vec<PathBuf>, Failure> {
     let Ran { analysis, progress, .. } = ran;
@@ -26,7 +27,15 @@ pub(super) fn write(
     match kind {
         JobKind::Operator => {
             if let Some(matrix) = analysis.operator_matrix() {
-                directory.write("operator.mtx", |out| matrix_market(&matrix, out))?;
+                directory.write("operator.mtx", |out| {
+                    matrix
+                        .write_matrix_market("Q: Laplace-Beltrami is Q divided, row by row, by mass.npy", out)
+                })?;
+            }
+            let applied: Vec<_> =
+                functions.unwrap_or(&[]).iter().filter_map(|f| analysis.laplacian_of(f)).collect();
+            if !applied.is_empty() {
+                directory.write("laplacian.npy", |out| columns_npy(&applied, cloud.len(), out))?;
             }
         }
         JobKind::Eigen => {
@@ -52,6 +61,12 @@ fn doubles(values: &[f64]) -> Vec<u8> {
 fn vector(values: &[f64], out: &mut impl Write) -> io::Result<()> {
     out.write_all(&npy_vector_header(values.len(), ScalarType::Float64))?;
     out.write_all(&doubles(values))
+}
+
+/// n×m, column by column.
+fn columns_npy(columns: &[Vec<f64>], rows: usize, out: &mut impl Write) -> io::Result<()> {
+    out.write_all(&npy_header_by_columns(rows, columns.len(), ScalarType::Float64))?;
+    columns.iter().try_for_each(|column| out.write_all(&doubles(column)))
 }
 
 /// n×k, column by column: one basis in memory at a time.
@@ -81,42 +96,4 @@ fn bases_ply(analysis: &Analysis, cloud: &PointCloud, out: &mut impl Write) -> i
     out.write_all(&header.to_bytes())?;
     out.write_all(&rows)?;
     out.write_all(&encode_faces(cloud.faces(), encoding))
-}
-
-/// The lower triangle of Q in Matrix Market's coordinate format, indices from 1.
-fn matrix_market(matrix: &SparseMatrix, out: &mut impl Write) -> io::Result<()> {
-    let rows = matrix.offsets.len() - 1;
-    let lower = || {
-        matrix.offsets.windows(2).enumerate().flat_map(|(row, bounds)| {
-            (bounds[0] as usize..bounds[1] as usize)
-                .map(move |entry| (row, matrix.columns[entry] as usize, matrix.values[entry]))
-                .filter(|&(row, column, _)| column <= row)
-        })
-    };
-    writeln!(out, "%%MatrixMarket matrix coordinate real symmetric")?;
-    writeln!(
-        out,
-        "% Q, symmetric, zero row sums, negative semi-definite; Laplace-Beltrami is Q divided by mass.npy"
-    )?;
-    writeln!(out, "{rows} {rows} {}", lower().count())?;
-    lower().try_for_each(|(row, column, value)| writeln!(out, "{} {} {value:e}", row + 1, column + 1))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_symmetric_matrix_is_written_as_its_lower_triangle() {
-        let matrix = SparseMatrix {
-            offsets: vec![0, 2, 4, 4],
-            columns: vec![0, 1, 0, 1],
-            values: vec![-0.1, 0.1, 0.1, -0.1],
-        };
-        let mut text = Vec::new();
-        matrix_market(&matrix, &mut text).unwrap();
-        let text = String::from_utf8(text).unwrap();
-        let lines: Vec<_> = text.lines().filter(|line| !line.starts_with('%')).collect();
-        assert_eq!(lines, ["3 3 3", "1 1 -1e-1", "2 1 1e-1", "2 2 -1e-1"]);
-    }
 }
