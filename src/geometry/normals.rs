@@ -40,7 +40,9 @@ fn of_faces(cloud: &PointCloud) -> Vec<Vector3<f64>> {
         let (p, q, r) = (at(cloud, a), at(cloud, b), at(cloud, c));
         let normal = (q - p).cross(&(r - p));
         if normal.iter().all(|x| x.is_finite()) {
-            [a, b, c].into_iter().for_each(|corner| sums[corner as usize] += normal);
+            for corner in [a, b, c] {
+                sums[corner as usize] += normal;
+            }
         }
     }
     sums

@@ -265,11 +265,11 @@ impl Filter {
                 let frequency = if first == 0 { 0.0 } else { f64::midpoint(at(first - 1), at(first)) };
                 (first, frequency)
             }
-            Scale::Frequency => (self.modes_below(value, modes), value),
+            Scale::Frequency => (modes.below(value), value),
             Scale::Wavelength if value == 0.0 => return refuse(name, "is a wavelength above 0"),
             Scale::Wavelength => {
                 let frequency = std::f64::consts::TAU / value;
-                (self.modes_below(frequency, modes), frequency)
+                (modes.below(frequency), frequency)
             }
         };
         if self.by != Scale::Mode && frequency > reach && self.outside.is_none() {
@@ -283,10 +283,6 @@ impl Filter {
             );
         }
         Ok(Edge { first, frequency, taper: self.taper })
-    }
-
-    fn modes_below(&self, frequency: f64, modes: &Modes) -> usize {
-        (0..modes.len()).take_while(|&i| modes.frequency(i) < frequency).count()
     }
 }
 

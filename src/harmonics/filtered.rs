@@ -76,7 +76,9 @@ impl Target {
                 .collect(),
         };
         if let Some(row_of) = functions::representatives(cloud, mass) {
-            functions.iter_mut().for_each(|function| functions::represent(&mut function.values, &row_of));
+            for function in &mut functions {
+                functions::represent(&mut function.values, &row_of);
+            }
         }
         for function in &functions {
             if let Some(row) = functions::first_nonfinite(&function.values, mass) {

@@ -4,6 +4,7 @@ use crate::spectrum::Spectrum;
 
 /// The eigenvalues that a set of bases belongs to, ascending.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::struct_field_names)] // zero modes are what they are called
 pub struct Modes {
     /// λ in 1/length², zero modes first. Infinite where the operator's eigenvalue carries no information.
     eigenvalues: Vec<f64>,
@@ -65,6 +66,12 @@ impl Modes {
     #[must_use]
     pub fn frequency(&self, mode: usize) -> f64 {
         self.eigenvalues[mode].sqrt()
+    }
+
+    /// Number of modes below a frequency in 1/length.
+    #[must_use]
+    pub fn below(&self, frequency: f64) -> usize {
+        (0..self.len()).take_while(|&mode| self.frequency(mode) < frequency).count()
     }
 
     /// The modes that are neither zero nor without information, as far as they are contiguous.

@@ -1,5 +1,6 @@
 //! What every request for a job's result has in common: arguments, the format to answer in, and a job that has finished.
 
+use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::time::Duration;
 
@@ -7,10 +8,12 @@ use axum::extract::{FromRequestParts, Path};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, Method, Uri};
 use utoipa::IntoResponses;
+use utoipa::openapi::response::ResponseBuilder;
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, Schema};
 use uuid::Uuid;
 
 use super::accept::{self, JSON, NPY, Offer, PLY};
-use super::problem::{self, Kind, Problem, ProblemDocument};
+use super::problem::{self, Kind, Problem};
 use super::query::{Accepts, Argument, Arguments};
 use super::{Service, Shared, jobs, parse_id};
 use crate::harmonics::Modes;
@@ -208,21 +211,25 @@ pub(super) fn of_eigen(mut job: JobRecord) -> Result<(JobRecord, Spectrum), Prob
 }
 
 /// Problems that every request for a job's result may meet, for the OpenAPI document.
-#[derive(IntoResponses)]
-#[allow(dead_code)] // describes what is answered elsewhere
-pub(crate) enum ResultProblems {
-    /// No such job.
-    #[response(status = 404, content_type = "application/problem+json")]
-    NotFound(#[to_schema] ProblemDocument),
-    /// None of the formats is acceptable, or JSON would be too large.
-    #[response(status = 406, content_type = "application/problem+json")]
-    NotAcceptable(#[to_schema] ProblemDocument),
-    /// The job has no such result, or not yet.
-    #[response(status = 409, content_type = "application/problem+json")]
-    Conflict(#[to_schema] ProblemDocument),
-    /// A parameter is not accepted.
-    #[response(status = 422, content_type = "application/problem+json")]
-    Unprocessable(#[to_schema] ProblemDocument),
+pub(crate) struct ResultProblems;
+
+impl IntoResponses for ResultProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let problem = |(status, description): (&str, &str)| {
+            let schema = RefOr::<Schema>::Ref(Ref::from_schema_name("Problem"));
+            let content = ContentBuilder::new().schema(Some(schema)).build();
+            let response =
+                ResponseBuilder::new().description(description).content(problem::MEDIA_TYPE, content);
+            (status.to_owned(), RefOr::T(response.build()))
+        };
+        let problems = [
+            ("404", "No such job."),
+            ("406", "None of the formats is acceptable, or JSON would be too large."),
+            ("409", "The job has no such result, or not yet."),
+            ("422", "A parameter is not accepted."),
+        ];
+        problems.into_iter().map(problem).collect()
+    }
 }
 
 /// A tag that names an answer by what determines it.

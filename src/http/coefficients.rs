@@ -309,8 +309,8 @@ impl<R: Resource> Asked<R> {
     /// Answers to POST are neither conditional nor had in parts.
     pub(super) fn forget_conditions(&mut self) {
         use axum::http::header::{IF_NONE_MATCH, RANGE};
-        [IF_NONE_MATCH, RANGE].iter().for_each(|name| {
+        for name in [IF_NONE_MATCH, RANGE] {
             self.headers.remove(name);
-        });
+        }
     }
 }

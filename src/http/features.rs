@@ -63,6 +63,7 @@ resource!(
 
 /// Feature points, most persistent first.
 #[derive(Debug, Serialize, ToSchema)]
+#[allow(clippy::struct_field_names)] // the list is what the resource is called
 pub(crate) struct Features {
     /// The job.
     job_id: Uuid,

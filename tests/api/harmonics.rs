@@ -295,16 +295,16 @@ async fn rows_without_a_result_stay_and_duplicates_move_with_their_first_occurre
 #[tokio::test]
 async fn feature_points_are_rows_of_the_upload_in_json_and_in_ply() {
     let service = Service::start().await;
-    let request =
-        chladni::cloud::shapes::SampleRequest::new(chladni::cloud::shapes::Shape::Ellipsoid, POINTS);
-    let ellipsoid = chladni::cloud::shapes::sample(&request).unwrap();
-    let id = service.succeed(&format!("bases={BASES}"), file(&ellipsoid, Format::Ply)).await;
+    let shape = chladni::cloud::shapes::Shape::TwoHoleTorus;
+    let request = chladni::cloud::shapes::SampleRequest::new(shape, 2_000);
+    let torus = chladni::cloud::shapes::sample(&request).unwrap();
+    let id = service.succeed("bases=30", file(&torus, Format::Ply)).await;
     let answer = service.json(&format!("/jobs/{id}/features")).await;
     let features = answer["features"].as_array().unwrap();
     assert!(features.len() >= 2, "{answer}");
     for feature in features {
         let index = feature["index"].as_u64().unwrap() as usize;
-        assert_eq!(numbers(&feature["position"]), ellipsoid.point(index));
+        assert_eq!(numbers(&feature["position"]), torus.point(index));
         let pair = numbers(&feature["pairs"][0]);
         assert_eq!(pair[0] + 1.0, pair[1]);
     }

