@@ -287,3 +287,40 @@ fn wrong_calls_on_results_are_told_in_one_line(#[case] arguments: &str, #[case] 
     assert!(line.contains(told), "{line}");
     assert_eq!(names(folder.path()), before, "nothing is left behind");
 }
+
+#[test]
+fn functions_are_put_through_the_operator() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample sphere --points 800 -o s.npy"));
+    // the coordinates of the sphere as three functions: Δx = −2x
+    let told = succeeded(&chladni(&folder, "analyze s.npy -o r --apply s.npy"));
+    assert!(told.contains("laplacian.npy"), "{told}");
+    assert_eq!(names(&folder.path().join("r")), ["laplacian.npy", "mass.npy", "operator.mtx", "report.json"]);
+    let array = |name: &str| {
+        let bytes = fs::read(folder.path().join(name)).unwrap();
+        chladni::cloud::reader::read_columns(&bytes).unwrap()
+    };
+    let (x, found) = (array("s.npy"), array("r/laplacian.npy"));
+    assert_eq!(found.len(), 3);
+    for (x, found) in x.iter().zip(&found) {
+        let error: f64 = x.iter().zip(found).map(|(x, y)| (y + 2.0 * x).powi(2)).sum();
+        let size: f64 = x.iter().map(|x| 4.0 * x * x).sum();
+        assert!((error / size).sqrt() < 0.05);
+    }
+    let (code, line) = failed(&chladni(&folder, "analyze s.npy -o q --kind eigen --apply s.npy"));
+    assert!(code == 2 && line.contains("--kind operator"), "{line}");
+    succeeded(&chladni(&folder, "sample sphere --points 700 -o short.npy"));
+    let (code, line) = failed(&chladni(&folder, "analyze s.npy -o q --apply short.npy"));
+    assert!(code == 2 && line.contains("700 rows; the cloud has 800"), "{line}");
+}
+
+#[test]
+fn a_table_of_the_papers_is_reproduced_and_reported() {
+    let folder = tempdir().unwrap();
+    let told = succeeded(&chladni(&folder, "reproduce mesh-table-1 -o report.md"));
+    assert!(told.contains("MESH Table 1") && told.contains("| paper | ours |"), "{told}");
+    let report = fs::read_to_string(folder.path().join("report.md")).unwrap();
+    assert!(report.contains("0 outside"), "{report}");
+    let (code, line) = failed(&chladni(&folder, "reproduce table-99"));
+    assert!(code == 2 && line.contains("table-99"), "{line}");
+}

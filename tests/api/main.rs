@@ -6,6 +6,7 @@ mod harmonics;
 mod jobs;
 mod listing;
 mod openapi;
+mod operators;
 mod requests;
 mod results;
 mod service;
