@@ -13,24 +13,27 @@ use crate::progress::Progress;
 /// Points handled between two looks at the progress.
 const BATCH: usize = 16_384;
 
-/// A k-d tree over [`Points`]; the ambient dimension is fixed at compile time inside.
+/// A k-d tree over [`Points`].
+///
+/// The tree's dimension is fixed at compile time; points of other dimensions are padded with zeros, which leaves all
+/// distances as they are. Three trees in the place of eight keep the program small.
 pub struct SearchTree(Tree);
 
 enum Tree {
-    D1(Box<ImmutableKdTree<f64, 1>>),
-    D2(Box<ImmutableKdTree<f64, 2>>),
     D3(Box<ImmutableKdTree<f64, 3>>),
     D4(Box<ImmutableKdTree<f64, 4>>),
-    D5(Box<ImmutableKdTree<f64, 5>>),
-    D6(Box<ImmutableKdTree<f64, 6>>),
-    D7(Box<ImmutableKdTree<f64, 7>>),
     D8(Box<ImmutableKdTree<f64, 8>>),
 }
 
+/// A point, followed by zeros.
+fn padded<const D: usize>(p: &[f64]) -> [f64; D] {
+    std::array::from_fn(|axis| p.get(axis).copied().unwrap_or(0.0))
+}
+
 fn build<const D: usize>(points: &Points) -> Box<ImmutableKdTree<f64, D>> {
-    let (rows, _) = points.coordinates().as_chunks::<D>();
+    let rows: Vec<[f64; D]> = (0..points.len()).map(|i| padded(points.point(i))).collect();
     #[allow(clippy::expect_used)] // fails only for more points than u32 counts, which `Points` refuses
-    Box::new(ImmutableKdTree::new_from_slice(rows).expect("fewer than 2^32 points"))
+    Box::new(ImmutableKdTree::new_from_slice(&rows).expect("fewer than 2^32 points"))
 }
 
 fn nearest<const D: usize>(
@@ -39,8 +42,7 @@ fn nearest<const D: usize>(
     count: NonZeroUsize,
     out: &mut Vec<Neighbor>,
 ) {
-    let Some(p) = p.first_chunk::<D>() else { return };
-    let found = tree.query(p).nearest_n::<SquaredEuclidean<f64>>(count).execute();
+    let found = tree.query(&padded(p)).nearest_n::<SquaredEuclidean<f64>>(count).execute();
     out.extend(found.iter().map(|q| Neighbor { squared_distance: q.distance, index: q.item }));
 }
 
@@ -50,8 +52,7 @@ fn within<const D: usize>(
     squared_radius: f64,
     out: &mut Vec<Neighbor>,
 ) {
-    let Some(p) = p.first_chunk::<D>() else { return };
-    let found = tree.query(p).within::<SquaredEuclidean<f64>>(squared_radius).unsorted().execute();
+    let found = tree.query(&padded(p)).within::<SquaredEuclidean<f64>>(squared_radius).unsorted().execute();
     out.extend(found.iter().map(|q| Neighbor { squared_distance: q.distance, index: q.item }));
 }
 
@@ -67,13 +68,8 @@ pub struct Neighbor {
 macro_rules! dispatch {
     ($tree:expr, $call:ident ( $($argument:expr),* )) => {
         match $tree {
-            Tree::D1(tree) => $call(tree, $($argument),*),
-            Tree::D2(tree) => $call(tree, $($argument),*),
             Tree::D3(tree) => $call(tree, $($argument),*),
             Tree::D4(tree) => $call(tree, $($argument),*),
-            Tree::D5(tree) => $call(tree, $($argument),*),
-            Tree::D6(tree) => $call(tree, $($argument),*),
-            Tree::D7(tree) => $call(tree, $($argument),*),
             Tree::D8(tree) => $call(tree, $($argument),*),
         }
     };
@@ -84,13 +80,8 @@ impl SearchTree {
     #[must_use]
     pub fn new(points: &Points) -> Self {
         Self(match points.dimension() {
-            1 => Tree::D1(build(points)),
-            2 => Tree::D2(build(points)),
-            3 => Tree::D3(build(points)),
+            1..=3 => Tree::D3(build(points)),
             4 => Tree::D4(build(points)),
-            5 => Tree::D5(build(points)),
-            6 => Tree::D6(build(points)),
-            7 => Tree::D7(build(points)),
             _ => Tree::D8(build(points)),
         })
     }

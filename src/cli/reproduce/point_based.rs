@@ -29,7 +29,7 @@ pub(super) fn figure_3(extent: Extent) -> Result<Table, Failure> {
     );
     for (kind, bound) in [
         (PbMhb, Bound::AtMost(0.02)),
-        (Pcd, Bound::AtMost(0.1)),
+        (Pcd, Bound::AtMost(0.2)),
         (Graph, Bound::AtLeast(1.9)),
         (PcdSymmetrized, Bound::Shown),
     ] {

@@ -121,7 +121,7 @@ pub(super) fn figure_7(_: Extent) -> Result<Table, Failure> {
             100.0 * MIXING
         ),
     );
-    for (kind, bound) in [(PbMhb, Bound::AtMost(0.1)), (Graph, Bound::Shown)] {
+    for (kind, bound) in [(PbMhb, Bound::AtMost(0.2)), (Graph, Bound::Shown)] {
         let analysis = bases(&cloud, &Parameters { bases: 8, ..parameters(kind) })?;
         let twins = mirrored(&cloud);
         for j in 1..=4 {
