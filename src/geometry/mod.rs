@@ -3,13 +3,17 @@
 //! Everything here works on [`Points`]: finite, distinct, recentred, and ordered along a space-filling curve.
 
 pub mod cells;
+mod clipper;
 pub mod components;
 pub mod delaunay;
 pub mod frames;
+pub mod holes;
+pub mod metric;
 pub mod neighborhoods;
 pub mod points;
 pub mod polytope;
 pub mod sampling;
+pub mod stars;
 pub mod triangles;
 
 pub use cells::{Cells, cells};
@@ -17,5 +21,7 @@ pub use components::{Components, components};
 pub use frames::{Frames, frames};
 pub use neighborhoods::{NearestNeighbors, SearchTree};
 pub use points::{GeometryError, Points};
+pub use metric::TriangleMetric;
 pub use sampling::Sampling;
+pub use stars::Stars;
 pub use triangles::Triangles;
