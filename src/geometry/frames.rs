@@ -277,3 +277,35 @@ impl Frames {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{NonFinite, PointCloud};
+    use crate::geometry::SearchTree;
+
+    #[test]
+    fn among_creases_the_plane_on_a_right_angled_edge_halves_it() {
+        // two half-planes, z = 0 for x ≥ 0 and x = 0 for z ≥ 0
+        let mut rows: Vec<[f64; 3]> = Vec::new();
+        for y in 0..9 {
+            rows.extend((0..5).map(|x| [f64::from(x), f64::from(y), 0.0]));
+            rows.extend((1..5).map(|z| [0.0, f64::from(y), f64::from(z)]));
+        }
+        let cloud = PointCloud::new(3, rows.concat(), NonFinite::Reject).unwrap();
+        let points = Points::prepare(&cloud, 2).unwrap();
+        let nearest =
+            NearestNeighbors::find(&SearchTree::new(&points), &points, 20, &Progress::new()).unwrap();
+        let frames = frames(&points, &nearest, 2, &Progress::new()).unwrap().among_creases(&points, &nearest);
+        let edge = rows.iter().position(|&row| row == [0.0, 4.0, 0.0]).unwrap();
+        let i = points.of_row(edge).unwrap();
+        // both faces are seen under 45°: unit steps into them project onto √½, on opposite sides
+        let seen = |at: [f64; 3]| {
+            let row = rows.iter().position(|&row| row == at).unwrap();
+            frames.project::<2>(&points, i, points.of_row(row).unwrap())
+        };
+        let (floor, wall) = (seen([1.0, 4.0, 0.0]), seen([0.0, 4.0, 1.0]));
+        assert!((floor[0].hypot(floor[1]) - 0.5_f64.sqrt()).abs() < 1e-6);
+        assert!((floor[0] + wall[0]).abs() < 1e-6 && (floor[1] + wall[1]).abs() < 1e-6);
+    }
+}

@@ -178,3 +178,73 @@ fn spokes(clipper: &Clipper<'_, Polygon>) -> Vec<Spoke> {
         .map(|(corner, filled)| Spoke { neighbor: corner.sites[0].neighbor, filled })
         .collect()
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::cloud::{NonFinite, PointCloud};
+    use crate::geometry::frames;
+
+    /// The points and stars of a surface in space, gaps opened.
+    pub(crate) fn stars_of(rows: &[[f64; 3]]) -> (Points, Frames, Stars) {
+        let cloud = PointCloud::new(3, rows.concat(), NonFinite::Reject).unwrap();
+        let points = Points::prepare(&cloud, 2).unwrap();
+        let (tree, progress) = (SearchTree::new(&points), Progress::new());
+        let nearest = NearestNeighbors::find(&tree, &points, 20, &progress).unwrap();
+        let frames = frames(&points, &nearest, 2, &progress).unwrap().among_creases(&points, &nearest);
+        let stars = Stars::find(&points, &tree, &nearest, &frames, true, &progress).unwrap();
+        let stars = stars.with_open_gaps(&points, &nearest);
+        (points, frames, stars)
+    }
+
+    /// A number between -0.5 and 0.5 from a hash.
+    pub(crate) fn jitter(seed: u64) -> f64 {
+        let z = seed.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        ((z ^ (z >> 27)) >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    }
+
+    /// The six faces of a cube of `cells³` unit cubes, points inside the faces moved within them by up to `share/2`.
+    fn cube(cells: i32, share: f64) -> Vec<[f64; 3]> {
+        let on_face = |p: &[i32; 3]| p.iter().any(|&x| x == 0 || x == cells);
+        (0..(cells + 1).pow(3))
+            .map(|i| [i % (cells + 1), i / (cells + 1) % (cells + 1), i / (cells + 1).pow(2)])
+            .filter(on_face)
+            .enumerate()
+            .map(|(row, p)| {
+                std::array::from_fn(|axis| {
+                    let free = p[axis] > 0 && p[axis] < cells;
+                    let moved = if free { share * jitter((3 * row + axis) as u64) } else { 0.0 };
+                    f64::from(p[axis]) + moved
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_cells_of_a_cube_sampled_irregularly_cover_its_six_faces() {
+        for (share, open) in [(0.0, 0), (0.5, 6)] {
+            let (points, _, stars) = stars_of(&cube(10, share));
+            let cells = stars.cells(&points);
+            assert!(cells.count(CellKind::Rim) <= open && cells.count(CellKind::Invalid) == 0, "{share}");
+            let area: f64 = cells.volume.iter().sum();
+            assert!((area / 600.0 - 1.0).abs() < 0.005, "{share}: {area}");
+        }
+    }
+
+    #[test]
+    fn on_a_lattice_cells_are_squares_and_end_at_the_rim() {
+        let rows: Vec<[f64; 3]> = (0..64).map(|i| [f64::from(i % 8), f64::from(i / 8), 0.0]).collect();
+        let (points, _, stars) = stars_of(&rows);
+        let cells = stars.cells(&points);
+        for (row, [x, y, _]) in rows.iter().enumerate() {
+            let i = points.of_row(row).unwrap();
+            let ends = [x, y].into_iter().filter(|&&at| at == 0.0 || at == 7.0).count();
+            assert!((cells.volume[i] - 0.5_f64.powi(ends as i32)).abs() < 1e-12);
+            assert_eq!(cells.kind[i], if ends == 0 { CellKind::Closed } else { CellKind::Rim });
+            // a wall of length 1 over the distance 1, along the rim half of it
+            let along: f64 = cells.conductance[i].iter().map(|(_, w)| w).sum();
+            assert!((along - [4.0, 2.0, 1.0][ends]).abs() < 1e-12, "{along}");
+        }
+    }
+}

@@ -109,9 +109,8 @@ fn unseen(seen: &Sparse) -> Vec<Vec<(u32, f64)>> {
 /// around a closed star they are stretched to 2π.
 fn chart(points: &Points, stars: &Stars, sheets: &Sheets, i: usize) -> Vec<[f64; 2]> {
     let star = stars.of(i);
-    let flat = |k: usize| -> [f64; 2] {
-        sheets.seen_first(points, i, star[k % star.len()].neighbor as usize)
-    };
+    let flat =
+        |k: usize| -> [f64; 2] { sheets.seen_first(points, i, star[k % star.len()].neighbor as usize) };
     let angle = |k: usize| {
         if star[k].filled {
             return TriangleMetric::of(points, stars.triangle(i, k)).angle(0);
@@ -297,5 +296,99 @@ impl Places {
         let slot = self.slot(entry.0);
         self.slots[slot] = entry;
         self.used.push(slot as u32);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::stars::tests::stars_of;
+    use crate::operator::voronoi;
+
+    /// All distances up to `radius` between rows, NaN where there is none.
+    fn distances(rows: &[[f64; 3]], radius: f64) -> impl Fn(usize, usize) -> f64 {
+        let (points, frames, stars) = stars_of(rows);
+        let cells = stars.cells(&points);
+        let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
+        let sheets = Sheets::orient(frames, &cells, &walls);
+        let squared =
+            Atlas::new(&points, &stars, &sheets).squared_distances(radius, &Progress::new()).unwrap();
+        move |a, b| {
+            let (i, j) = (points.of_row(a).unwrap(), points.of_row(b).unwrap() as u32);
+            let (columns, values) = squared.row(i);
+            columns.binary_search(&j).map_or(f64::NAN, |k| values[k].sqrt())
+        }
+    }
+
+    /// A strip of `length` by 12 unit squares, bent so that `at(u)` is its profile.
+    fn strip(length: i32, at: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 3]> {
+        (0..(length + 1) * 13)
+            .map(|i| (f64::from(i / 13), f64::from(i % 13)))
+            .map(|(u, v)| {
+                let [x, z] = at(u);
+                [x, v, z]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn across_a_right_angled_fold_the_distance_is_that_of_the_unfolded_strip() {
+        let rows = strip(20, |u| if u <= 10.0 { [u, 0.0] } else { [10.0, u - 10.0] });
+        let distance = distances(&rows, 4.6);
+        for (a, b) in
+            [([8_i32, 6_i32], [12_i32, 6_i32]), ([9, 4], [12, 7]), ([10, 6], [13, 8]), ([10, 3], [10, 7])]
+        {
+            let row = |[u, v]: [i32; 2]| (13 * u + v) as usize;
+            let flat = f64::from((a[0] - b[0]).pow(2) + (a[1] - b[1]).pow(2)).sqrt();
+            let found = distance(row(a), row(b));
+            assert!((found - flat).abs() < 1e-9 * flat, "{a:?} {b:?}: {found} {flat}");
+        }
+        // through space it is shorter: 2√2 instead of 4
+        assert!(distance(13 * 8 + 6, 13 * 12 + 6) > 1.4 * 8.0_f64.sqrt());
+    }
+
+    #[test]
+    fn the_opposite_side_of_a_thin_plate_is_not_near() {
+        // a strip folded twice: two sheets, 2 apart, joined at one end
+        let rows = strip(32, |u| match u {
+            u if u <= 15.0 => [u, 0.0],
+            u if u <= 17.0 => [15.0, u - 15.0],
+            u => [32.0 - u, 2.0],
+        });
+        let distance = distances(&rows, 4.0);
+        let row = |u: usize, v: usize| 13 * u + v;
+        assert!(distance(row(5, 6), row(27, 6)).is_nan());
+        assert!((distance(row(5, 6), row(8, 6)) - 3.0).abs() < 1e-9);
+        // around the fold
+        assert!((distance(row(15, 6), row(17, 6)) - 2.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn distances_are_symmetric_and_never_shorter_than_through_space() {
+        let rows = strip(40, |u| {
+            let (sine, cosine) = f64::sin_cos(std::f64::consts::PI * u / 40.0);
+            [12.0 * cosine, 12.0 * sine]
+        });
+        let distance = distances(&rows, 3.0);
+        let arc = 2.0 * std::f64::consts::PI * 12.0 / 80.0 * 3.0;
+        let (a, b) = (13 * 20 + 6, 13 * 23 + 6);
+        assert!((distance(a, b) / arc - 1.0).abs() < 2e-3, "{} {arc}", distance(a, b));
+        for (a, b) in [(13 * 20 + 6, 13 * 22 + 8), (13 * 3 + 1, 13 * 5), (0, 14)] {
+            let chord: f64 = (0..3).map(|axis| (rows[a][axis] - rows[b][axis]).powi(2)).sum();
+            assert_eq!(distance(a, b).to_bits(), distance(b, a).to_bits());
+            assert!(distance(a, b) >= chord.sqrt() * (1.0 - 1e-12));
+        }
+    }
+
+    #[test]
+    fn places_are_found_after_the_table_has_grown_and_forgotten_when_cleared() {
+        let mut places = Places::default();
+        for point in 0..1_000 {
+            assert_eq!(places.get(7 * point), None);
+            places.insert(7 * point, point);
+        }
+        assert!((0..1_000).all(|point| places.get(7 * point) == Some(point)));
+        places.clear();
+        assert!((0..1_000).all(|point| places.get(7 * point).is_none()));
     }
 }
