@@ -18,7 +18,7 @@ use crate::cloud::PointCloud;
 use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
 use crate::geometry::{
-    Frames, NearestNeighbors, Points, Sampling, SearchTree, Triangles, cells, components, frames,
+    Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles, cells, components, frames,
 };
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
@@ -119,7 +119,17 @@ pub fn analyze(
         clip_rims: additions.isometric_cells,
         sheet_aware: additions.sheet_aware,
     };
-    let cells = cells(&points, &tree, &nearest, &frames, options, progress)?;
+    let (frames, stars) = if additions.isometric_cells && parameters.dimension == 2 {
+        let frames = frames.among_creases(&points, &nearest);
+        let stars = Stars::find(&points, &tree, &nearest, &frames, additions.sheet_aware, progress)?;
+        (frames, Some(stars.with_open_gaps(&points, &nearest)))
+    } else {
+        (frames, None)
+    };
+    let cells = match &stars {
+        Some(stars) => stars.cells(&points),
+        None => cells(&points, &tree, &nearest, &frames, options, progress)?,
+    };
     let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
 
@@ -129,11 +139,12 @@ pub fn analyze(
         tree: &tree,
         nearest: &nearest,
         cells: &cells,
+        stars: stars.as_ref(),
         sampling: &sampling,
         triangles: &triangles,
     };
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
-    drop((tree, nearest, cells, triangles));
+    drop((tree, nearest, cells, stars, triangles));
     let (Assembled { laplacian, narrow }, place) = without_small_components(assembled)?;
     let used = laplacian.mass.len();
     let mut report = Report {

@@ -1,8 +1,10 @@
 //! The stage that turns a measured cloud into an operator.
 
 use super::{AnalysisError, Parameters};
-use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Triangles};
+use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
+use crate::operator::pb_mhb::Coupling;
 use crate::operator::sheets::Sheets;
+use crate::operator::unfolding::Atlas;
 use crate::operator::{
     HeatKernel, LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd,
     voronoi,
@@ -24,6 +26,8 @@ pub(super) struct Surface<'a> {
     pub(super) tree: &'a SearchTree,
     pub(super) nearest: &'a NearestNeighbors,
     pub(super) cells: &'a Cells,
+    /// The triangles around every point, where the cells were made of them.
+    pub(super) stars: Option<&'a Stars>,
     pub(super) sampling: &'a Sampling,
     pub(super) triangles: &'a Triangles,
 }
@@ -99,15 +103,24 @@ fn pb_mhb(
     warnings: &mut Vec<String>,
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, AnalysisError> {
-    let Surface { points, tree, cells, .. } = *surface;
-    let sheets = parameters.additions().sheet_aware.then(|| Sheets::orient(frames, cells, walls));
+    let Surface { points, tree, cells, stars, .. } = *surface;
+    let additions = parameters.additions();
+    let stars = stars.filter(|_| additions.surface_distances);
+    let oriented = additions.sheet_aware || stars.is_some();
+    let sheets = oriented.then(|| Sheets::orient(frames, cells, walls));
     if sheets.as_ref().is_some_and(|sheets| !sheets.is_orientable()) {
         warnings.push(
             "the surface could not be oriented; sheets are told apart by the angle of their planes only"
                 .into(),
         );
     }
-    Ok(pb_mhb::build(points, tree, cells, sheets.as_ref(), kernel, progress)?)
+    let atlas = sheets.as_ref().zip(stars).map(|(sheets, stars)| Atlas::new(points, stars, sheets));
+    let coupling = match (&atlas, &sheets) {
+        (Some(atlas), _) => Coupling::Surface(atlas),
+        (None, Some(sheets)) => Coupling::Sheet(sheets),
+        (None, None) => Coupling::Ball,
+    };
+    Ok(pb_mhb::build(points, tree, cells, &coupling, kernel, additions.moment_calibration, progress)?)
 }
 
 /// `D A D` with the diagonal `scale`.

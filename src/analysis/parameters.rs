@@ -46,12 +46,16 @@ pub struct Parameters {
     pub parameterization: Option<Parameterization>,
     /// Exactly the paper's operator: switches all additions off that are not set themselves.
     pub paper: bool,
-    /// Scale projected neighbours back to their true distance before cells are clipped.
+    /// Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.
     pub isometric_cells: Option<bool>,
     /// Make up for the Gaussian's share beyond the cut-off.
     pub truncation_compensation: Option<bool>,
     /// Couple only neighbours on the same sheet of the surface.
     pub sheet_aware: Option<bool>,
+    /// Measure distances in the kernel along the surface; needs `isometric_cells`.
+    pub surface_distances: Option<bool>,
+    /// Scale the kernel so that its second moment is right around every point.
+    pub moment_calibration: Option<bool>,
     /// Report λ = −ln(1−tμ)/t beside the raw μ.
     pub heat_correction: Option<bool>,
 }
@@ -74,6 +78,8 @@ impl Default for Parameters {
             isometric_cells: None,
             truncation_compensation: None,
             sheet_aware: None,
+            surface_distances: None,
+            moment_calibration: None,
             heat_correction: None,
         }
     }
@@ -143,10 +149,14 @@ impl Parameters {
         use OperatorKind::{Mesh, PbMhb};
         let on = |switch: Option<bool>, applies: bool| applies && switch.unwrap_or(!self.paper);
         let measures_cells = !self.operator.needs_faces();
+        let isometric_cells = on(self.isometric_cells, measures_cells);
+        let unfolds = isometric_cells && self.operator == PbMhb && self.dimension == 2;
         Additions {
-            isometric_cells: on(self.isometric_cells, measures_cells),
+            isometric_cells,
             truncation_compensation: on(self.truncation_compensation, matches!(self.operator, PbMhb | Mesh)),
             sheet_aware: on(self.sheet_aware, measures_cells),
+            surface_distances: on(self.surface_distances, unfolds),
+            moment_calibration: on(self.moment_calibration, self.operator == PbMhb),
             heat_correction: on(self.heat_correction, self.operator.is_heat_kernel()),
         }
     }
@@ -155,7 +165,7 @@ impl Parameters {
     pub(super) fn heat_kernel(&self, epsilon: f64) -> HeatKernel {
         let t = self
             .t
-            .unwrap_or_else(|| self.t_factor.unwrap_or(pb_mhb::t_factor(self.dimension)) * epsilon * epsilon);
+            .unwrap_or_else(|| self.t_factor.unwrap_or(pb_mhb::t_factor(self.dimension, self.additions().moment_calibration)) * epsilon * epsilon);
         let truncation_compensation = self.additions().truncation_compensation;
         let factor = match self.operator {
             kind if kind.is_pcd() => pcd::DELTA_FACTOR,
@@ -184,14 +194,20 @@ impl Parameters {
 
 /// What we add to the paper's operator, as in force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[allow(clippy::struct_excessive_bools)] // four independent switches
+#[allow(clippy::struct_excessive_bools)] // independent switches
 pub struct Additions {
-    /// Scale projected neighbours back to their true distance before cells are clipped; measure rim cells.
+    /// Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.
     pub isometric_cells: bool,
     /// Make up for the Gaussian's share beyond the cut-off.
     pub truncation_compensation: bool,
     /// Couple only neighbours on the same sheet of the surface.
     pub sheet_aware: bool,
+    /// Measure distances in the kernel along the surface.
+    #[serde(default)]
+    pub surface_distances: bool,
+    /// Scale the kernel so that its second moment is right around every point.
+    #[serde(default)]
+    pub moment_calibration: bool,
     /// Report λ = −ln(1−tμ)/t beside the raw μ.
     pub heat_correction: bool,
 }

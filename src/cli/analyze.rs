@@ -108,7 +108,7 @@ struct ParameterArgs {
     #[arg(long)]
     paper: bool,
 
-    /// Scale projected neighbours back to their true distance before cells are clipped
+    /// Measure cells by true distances; on surfaces in the triangles around every point
     #[arg(long, value_name = "BOOL")]
     isometric_cells: Option<bool>,
 
@@ -119,6 +119,14 @@ struct ParameterArgs {
     /// Couple only neighbours on the same sheet of the surface
     #[arg(long, value_name = "BOOL")]
     sheet_aware: Option<bool>,
+
+    /// Measure distances in the kernel along the surface
+    #[arg(long, value_name = "BOOL")]
+    surface_distances: Option<bool>,
+
+    /// Scale the kernel so that its second moment is right around every point
+    #[arg(long, value_name = "BOOL")]
+    moment_calibration: Option<bool>,
 
     /// Report λ = −ln(1−tμ)/t beside the raw μ
     #[arg(long, value_name = "BOOL")]
@@ -143,6 +151,8 @@ impl ParameterArgs {
             isometric_cells: self.isometric_cells,
             truncation_compensation: self.truncation_compensation,
             sheet_aware: self.sheet_aware,
+            surface_distances: self.surface_distances,
+            moment_calibration: self.moment_calibration,
             heat_correction: self.heat_correction,
         }
     }

@@ -2,18 +2,12 @@
 
 use rayon::prelude::*;
 
+use super::clipper::{Clipper, View};
 use super::frames::Frames;
-use super::neighborhoods::{NearestNeighbors, Neighbor, SearchTree};
+use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::points::{GeometryError, Points};
-use super::polytope::{Interval, Polygon, Polyhedron, Polytope, Site, dot};
+use super::polytope::{Corner, Interval, Polygon, Polyhedron, Polytope, dot};
 use crate::progress::Progress;
-
-/// Nearest neighbours that define the local spacing.
-const SPACING_NEIGHBORS: usize = 16;
-
-/// Corners farther than this many local spacings are not on the manifold: among Poisson-distributed points of a surface
-/// one in 10⁸ is (the chance of an empty circumcircle of radius r at density ρ is `(1+πρr²)·exp(−πρr²)`).
-const CORNER_RADIUS_MAX: f64 = 2.5;
 
 /// Neighbours steeper than this against the tangent space (sine of the angle) belong to another sheet.
 const STEEPNESS_MAX: f64 = 0.8;
@@ -53,8 +47,8 @@ pub struct Cells {
     pub radius: Vec<f64>,
     /// What the cell is worth.
     pub kind: Vec<CellKind>,
-    /// Neighbours with the volume of the common facet over the distance (`length^(k−2)`, ≥ 0), by index, as seen from
-    /// this point's tangent space; its neighbour may see the facet differently.
+    /// Neighbours with the volume of the common facet over the distance (`length^(k−2)`), by index, as seen from this
+    /// point's tangent space; its neighbour may see the facet differently.
     pub conductance: Vec<Vec<(u32, f64)>>,
 }
 
@@ -66,17 +60,15 @@ impl Cells {
     }
 }
 
-struct Cell {
-    volume: f64,
-    radius: f64,
-    kind: CellKind,
-    conductance: Vec<(u32, f64)>,
+/// One cell, as [`Cells`] holds them.
+pub(super) struct Cell {
+    pub(super) volume: f64,
+    pub(super) radius: f64,
+    pub(super) kind: CellKind,
+    pub(super) conductance: Vec<(u32, f64)>,
 }
 
-/// Measures the cells of all points.
-///
-/// Only the nearest few neighbours can bound a cell (Lemma 1.4 of the supplement), so clipping by bisectors, nearest
-/// first, until the next neighbour is farther than twice the farthest corner gives the cell of the full diagram.
+/// Measures the cells of all points in their tangent spaces.
 ///
 /// # Errors
 /// [`GeometryError::Canceled`].
@@ -94,6 +86,11 @@ pub fn cells(
         _ => cells_in::<3, Polyhedron>,
     };
     let all = measure(points, tree, nearest, frames, options, progress)?;
+    Ok(gather(all))
+}
+
+/// Puts single cells together; invalid ones get the mean volume [PBMHB §5.6].
+pub(super) fn gather(all: Vec<Cell>) -> Cells {
     let valid = all.iter().filter(|cell| cell.kind != CellKind::Invalid);
     let (count, total) = valid.fold((0_usize, 0.0), |(count, total), cell| (count + 1, total + cell.volume));
     // with no valid cell at all every volume is 1: the operator is then a graph's, and the count says so
@@ -110,7 +107,7 @@ pub fn cells(
         cells.kind.push(cell.kind);
         cells.conductance.push(cell.conductance);
     }
-    Ok(cells)
+    cells
 }
 
 fn cells_in<const K: usize, P: Polytope<K>>(
@@ -122,119 +119,47 @@ fn cells_in<const K: usize, P: Polytope<K>>(
     progress: &Progress,
 ) -> Result<Vec<Cell>, GeometryError> {
     let n = points.len();
+    let steepness_max = if options.sheet_aware { STEEPNESS_MAX } else { 1.0 };
+    let view = View { isometric: options.isometric, steepness_max };
     let mut all = Vec::with_capacity(n);
     for start in (0..n).step_by(BATCH) {
         progress.advance(start as f64 / n as f64)?;
-        let clipper = || Clipper {
-            points,
-            tree,
-            frames,
-            options,
-            polytope: P::default(),
-            candidates: Vec::new(),
-            limit: 0.0,
-        };
+        let clipper = || Clipper::<P>::new(points, tree, frames, view);
         let batch: Vec<Cell> = (start..n.min(start + BATCH))
             .into_par_iter()
             .with_min_len(256)
-            .map_init(clipper, |clipper, i| clipper.cell(i, nearest.of(i)))
+            .map_init(clipper, |clipper, i| {
+                clipper.clip::<K>(i, nearest.of(i));
+                measure::<K>(clipper.corners(), options.clip_rims)
+            })
             .collect();
         all.extend(batch);
     }
     Ok(all)
 }
 
-/// Distance between points that are spread evenly, `count` of them within `radius`: the k-th root of the volume of
-/// the ball over the count.
-fn spacing_within<const K: usize>(squared_radius: f64, count: usize) -> f64 {
-    let unit_ball = [2.0, std::f64::consts::PI, 4.0 / 3.0 * std::f64::consts::PI][K - 1];
-    (unit_ball * squared_radius.powf(0.5 * K as f64) / count as f64).powf(1.0 / K as f64)
-}
-
-/// Scratch memory of one thread.
-struct Clipper<'a, P> {
-    points: &'a Points,
-    tree: &'a SearchTree,
-    frames: &'a Frames,
-    options: CellOptions,
-    polytope: P,
-    candidates: Vec<Neighbor>,
-    /// Largest distance of a corner that counts as on the manifold.
-    limit: f64,
-}
-
-impl<P> Clipper<'_, P> {
-    fn cell<const K: usize>(&mut self, i: usize, nearest: &[u32]) -> Cell
-    where
-        P: Polytope<K>,
-    {
-        let count = SPACING_NEIGHBORS.min(nearest.len());
-        let reach = self.points.squared_distance(i, nearest[count - 1] as usize);
-        self.limit = CORNER_RADIUS_MAX * spacing_within::<K>(reach, count);
-        self.polytope.reset(self.limit);
-
-        let mut closed = self.clip_by::<K>(i, nearest.iter().copied());
-        let mut count = nearest.len();
-        while !closed && count < self.points.len() - 1 {
-            let seen = count;
-            count *= 2;
-            let mut candidates = std::mem::take(&mut self.candidates);
-            self.tree.nearest(self.points, i, count, &mut candidates);
-            closed = self.clip_by::<K>(i, candidates[seen..].iter().map(|q| q.index));
-            self.candidates = candidates;
+/// Sums volume and facets over the corners on the manifold.
+fn measure<const K: usize>(corners: impl Iterator<Item = (Corner<K>, bool)>, clip_rims: bool) -> Cell {
+    let (mut volume, mut squared_radius, mut missing) = (0.0, 0.0_f64, false);
+    let mut conductance: Vec<(u32, f64)> = Vec::new();
+    for (corner, on_manifold) in corners {
+        if !on_manifold {
+            missing = true;
+            continue;
         }
-        self.measure::<K>()
+        squared_radius = squared_radius.max(dot(&corner.at, &corner.at));
+        let carry = |q: u32, share: f64| match conductance.iter_mut().find(|(r, _)| *r == q) {
+            Some((_, w)) => *w += share,
+            None => conductance.push((q, share)),
+        };
+        volume += corner.measure(carry).unwrap_or(0.0);
     }
-
-    /// Clips by `neighbors`, nearest first; true when no farther one can reach the cell.
-    fn clip_by<const K: usize>(&mut self, i: usize, neighbors: impl Iterator<Item = u32>) -> bool
-    where
-        P: Polytope<K>,
-    {
-        for neighbor in neighbors {
-            let squared_distance = self.points.squared_distance(i, neighbor as usize);
-            if squared_distance > 4.0 * self.polytope.squared_radius() {
-                return true;
-            }
-            let flat: [f64; K] = self.frames.project(self.points, i, neighbor as usize);
-            let squared_flat = dot(&flat, &flat);
-            let steep = squared_flat < (1.0 - STEEPNESS_MAX * STEEPNESS_MAX) * squared_distance;
-            if squared_flat == 0.0 || (self.options.sheet_aware && steep) {
-                continue;
-            }
-            let scale = if self.options.isometric { (squared_distance / squared_flat).sqrt() } else { 1.0 };
-            self.polytope.clip(Site { at: flat.map(|x| scale * x), neighbor });
-        }
-        false
+    let conductance = positive(conductance);
+    if volume.is_nan() || volume <= 0.0 || (missing && !clip_rims) {
+        return Cell { volume: 0.0, radius: 0.0, kind: CellKind::Invalid, conductance };
     }
-
-    /// Sums volume and facets over the corners on the manifold.
-    fn measure<const K: usize>(&self) -> Cell
-    where
-        P: Polytope<K>,
-    {
-        let (mut volume, mut squared_radius, mut missing) = (0.0, 0.0_f64, false);
-        let mut conductance: Vec<(u32, f64)> = Vec::new();
-        for corner in self.polytope.corners() {
-            let squared = dot(&corner.at, &corner.at);
-            if corner.is_open() || squared > self.limit * self.limit {
-                missing = true;
-                continue;
-            }
-            squared_radius = squared_radius.max(squared);
-            let carry = |q: u32, share: f64| match conductance.iter_mut().find(|(r, _)| *r == q) {
-                Some((_, w)) => *w += share,
-                None => conductance.push((q, share)),
-            };
-            volume += corner.measure(carry).unwrap_or(0.0);
-        }
-        let conductance = positive(conductance);
-        if volume.is_nan() || volume <= 0.0 || (missing && !self.options.clip_rims) {
-            return Cell { volume: 0.0, radius: 0.0, kind: CellKind::Invalid, conductance };
-        }
-        let kind = if missing { CellKind::Rim } else { CellKind::Closed };
-        Cell { volume, radius: squared_radius.sqrt(), kind, conductance }
-    }
+    let kind = if missing { CellKind::Rim } else { CellKind::Closed };
+    Cell { volume, radius: squared_radius.sqrt(), kind, conductance }
 }
 
 /// Facets by index; an obtuse simplex at a rim gives a negative one, which would cost the operator its

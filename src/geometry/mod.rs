@@ -3,21 +3,27 @@
 //! Everything here works on [`Points`]: finite, distinct, recentred, and ordered along a space-filling curve.
 
 pub mod cells;
+mod clipper;
 pub mod components;
 pub mod delaunay;
 pub mod frames;
+pub mod holes;
+pub mod metric;
 pub mod neighborhoods;
 pub mod normals;
 pub mod points;
 pub mod polytope;
 pub mod sampling;
+pub mod stars;
 pub mod triangles;
 
 pub use cells::{Cells, cells};
 pub use components::{Components, components};
 pub use frames::{Frames, frames};
+pub use metric::TriangleMetric;
 pub use neighborhoods::{NearestNeighbors, SearchTree};
 pub use normals::normals;
 pub use points::{GeometryError, Points};
 pub use sampling::Sampling;
+pub use stars::Stars;
 pub use triangles::Triangles;

@@ -176,6 +176,8 @@ fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
         used.isometric_cells = Some(report.additions.isometric_cells);
         used.truncation_compensation = Some(report.additions.truncation_compensation);
         used.sheet_aware = Some(report.additions.sheet_aware);
+        used.surface_distances = Some(report.additions.surface_distances);
+        used.moment_calibration = Some(report.additions.moment_calibration);
         used.heat_correction = Some(report.additions.heat_correction);
     }
     match serde_json::to_value(&used) {

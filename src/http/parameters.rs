@@ -114,7 +114,7 @@ pub(crate) const PARAMETERS: &[Argument] = &[
         "isometric_cells",
         Accepts::Switch,
         "not paper",
-        "Scale projected neighbours back to their true distance before cells are clipped.",
+        "Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.",
     ),
     argument(
         "truncation_compensation",
@@ -127,6 +127,18 @@ pub(crate) const PARAMETERS: &[Argument] = &[
         Accepts::Switch,
         "not paper",
         "Couple only neighbours on the same sheet of the surface.",
+    ),
+    argument(
+        "surface_distances",
+        Accepts::Switch,
+        "not paper",
+        "Measure distances in the kernel of `pb-mhb` along the surface; needs `isometric_cells`.",
+    ),
+    argument(
+        "moment_calibration",
+        Accepts::Switch,
+        "not paper",
+        "Scale the kernel of `pb-mhb` so that its second moment is right around every point.",
     ),
     argument(
         "heat_correction",

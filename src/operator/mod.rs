@@ -12,6 +12,7 @@ pub mod pb_mhb;
 pub mod pcd;
 pub mod sheets;
 pub mod sparse;
+pub mod unfolding;
 pub mod voronoi;
 
 pub use heat_kernel::HeatKernel;

@@ -1,6 +1,6 @@
 //! Which near points lie on the same sheet of the surface.
 
-use crate::geometry::{Cells, Frames};
+use crate::geometry::{Cells, Frames, Points};
 use crate::operator::Sparse;
 
 /// Tangent frames of one handedness, as far as the surface allows it.
@@ -11,6 +11,8 @@ use crate::operator::Sparse;
 #[derive(Debug, Clone)]
 pub struct Sheets {
     frames: Frames,
+    /// Whose handedness was turned around.
+    flipped: Vec<bool>,
     /// Share of clearly comparable neighbour pairs whose handedness disagrees in spite of all: 0 on orientable, well
     /// sampled surfaces.
     pub conflicts: f64,
@@ -42,10 +44,9 @@ impl Sheets {
         for &(agreement, i, j) in &edges {
             sides.join(i, j, agreement < 0.0);
         }
-        for i in 0..n as u32 {
-            if sides.find(i).1 {
-                frames.flip(i as usize);
-            }
+        let flipped: Vec<bool> = (0..n as u32).map(|i| sides.find(i).1).collect();
+        for i in (0..n).filter(|&i| flipped[i]) {
+            frames.flip(i);
         }
         let (mut comparable, mut conflicting) = (0_usize, 0_usize);
         for &(agreement, i, j) in &edges {
@@ -54,7 +55,7 @@ impl Sheets {
                 conflicting += usize::from(frames.agreement(i as usize, j as usize) < 0.0);
             }
         }
-        Self { frames, conflicts: conflicting as f64 / comparable.max(1) as f64 }
+        Self { frames, flipped, conflicts: conflicting as f64 / comparable.max(1) as f64 }
     }
 
     /// Whether handedness can be relied on.
@@ -69,6 +70,21 @@ impl Sheets {
         // the smaller index first, so that both directions compute the same bits
         let agreement = self.frames.agreement(i.min(j), i.max(j));
         if self.is_orientable() { agreement > ORIENTED_MIN } else { agreement.abs() > UNORIENTED_MIN }
+    }
+
+    /// Coordinates of `q − p_i` in the tangent plane of point `i` as it was found, before it was oriented.
+    #[must_use]
+    pub fn seen_first(&self, points: &Points, i: usize, q: usize) -> [f64; 2] {
+        // turning a frame around negates its first axis
+        let [x, y] = self.frames.project(points, i, q);
+        [if self.flipped[i] { -x } else { x }, y]
+    }
+
+    /// Whether the frames of two adjacent points as they were found, before they were oriented, differ in handedness.
+    #[must_use]
+    pub fn mirrored(&self, i: usize, j: usize) -> bool {
+        let opposite = !self.is_orientable() && self.frames.agreement(i.min(j), i.max(j)) < 0.0;
+        self.flipped[i] ^ self.flipped[j] ^ opposite
     }
 }
 

@@ -149,6 +149,22 @@ impl Sparse {
         }
     }
 
+    /// Replaces the values, row by row: `rewrite(i, columns, values)`.
+    pub fn rewrite(&mut self, rewrite: impl Fn(usize, &[u32], &mut [f64]) + Sync + Send) {
+        let mut rows: Vec<(&[u32], &mut [f64])> = Vec::with_capacity(self.rows());
+        let (mut columns, mut values) = (self.columns.as_slice(), self.values.as_mut_slice());
+        for pair in self.offsets.windows(2) {
+            let (row, rest) = columns.split_at(pair[1] - pair[0]);
+            let (entries, others) = values.split_at_mut(pair[1] - pair[0]);
+            (columns, values) = (rest, others);
+            rows.push((row, entries));
+        }
+        rows.into_par_iter()
+            .with_min_len(ROWS_PER_TASK)
+            .enumerate()
+            .for_each(|(i, (columns, values))| rewrite(i, columns, values));
+    }
+
     /// `½(A + Aᵀ)`.
     #[must_use]
     pub fn symmetric_part(&self) -> Self {
@@ -255,6 +271,15 @@ mod tests {
             &[(0, 4.0), (1, 3.0), (2, 3.0)],
         ]);
         assert_eq!(skew.symmetric_part(), expected);
+    }
+
+    #[test]
+    fn rewriting_gives_every_row_its_own_columns_and_values() {
+        let mut skew = matrix(&[&[(0, 1.0), (1, 4.0)], &[], &[(0, 8.0), (2, 3.0)]]);
+        skew.rewrite(|i, columns, values| {
+            columns.iter().zip(values).for_each(|(&j, x)| *x += 10.0 * i as f64 + 100.0 * f64::from(j));
+        });
+        assert_eq!(skew, matrix(&[&[(0, 1.0), (1, 104.0)], &[], &[(0, 28.0), (2, 223.0)]]));
     }
 
     #[test]

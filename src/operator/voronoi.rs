@@ -34,6 +34,9 @@ pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<Sparse, Canceled>
                 row.push((q, 0.5 * (w + seen_back)));
             }
             row.extend(unseen[p].iter().map(|&(q, w)| (q, 0.5 * w)));
+            // an obtuse triangle at a rim, or views that disagree, leave a negative wall, which would cost the operator
+            // its definiteness
+            row.retain(|&(_, w)| w > 0.0);
             row.sort_unstable_by_key(|&(q, _)| q);
         },
         |rows| progress.advance(rows as f64 / n as f64),

@@ -3,6 +3,7 @@
 
 mod certificates;
 mod closed_forms;
+mod folds;
 mod harmonics;
 mod invariances;
 mod operators;

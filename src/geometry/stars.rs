@@ -1,0 +1,250 @@
+//! Stars: the Delaunay triangles around every point of a surface.
+//!
+//! Every point sees its neighbours in its own tangent plane and triangulates them there; which triangles there are is
+//! decided by that view, how large they are by their true sides. A view bends the surface only around its own point,
+//! so that points on both sides of a crease agree on the triangles between them, and areas and cotangents are those
+//! of a mesh through the points.
+
+use rayon::prelude::*;
+
+use super::cells::{Cell, CellKind, Cells, gather};
+use super::clipper::{Clipper, View};
+use super::frames::Frames;
+use super::metric::TriangleMetric;
+use super::neighborhoods::{NearestNeighbors, SearchTree};
+use super::points::{GeometryError, Points};
+use super::polytope::{BOX, Polygon};
+use crate::progress::Progress;
+
+/// Neighbours steeper than this against the tangent plane (sine of the angle) belong to another sheet. The faces of a
+/// cube are inclined by asin 0.816 against the plane at its corner.
+const STEEPNESS_MAX: f64 = 0.9;
+
+/// Points handled between two looks at the progress.
+const BATCH: usize = 16_384;
+
+/// A neighbour in a star.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spoke {
+    /// Index of the neighbour.
+    pub neighbor: u32,
+    /// Whether the triangle of the point, this neighbour and the next one lies on the surface.
+    pub filled: bool,
+}
+
+/// The neighbours around every point of a surface, counter-clockwise in its frame, with the triangles between them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Stars {
+    offsets: Vec<usize>,
+    spokes: Vec<Spoke>,
+}
+
+impl Stars {
+    /// Triangulates around every point; `frames` must be tangent planes.
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn find(
+        points: &Points,
+        tree: &SearchTree,
+        nearest: &NearestNeighbors,
+        frames: &Frames,
+        sheet_aware: bool,
+        progress: &Progress,
+    ) -> Result<Self, GeometryError> {
+        let n = points.len();
+        let steepness_max = if sheet_aware { STEEPNESS_MAX } else { 1.0 };
+        let view = View { isometric: true, steepness_max };
+        let mut stars = Self { offsets: Vec::with_capacity(n + 1), spokes: Vec::with_capacity(7 * n) };
+        stars.offsets.push(0);
+        for start in (0..n).step_by(BATCH) {
+            progress.advance(start as f64 / n as f64)?;
+            let clipper = || Clipper::<Polygon>::new(points, tree, frames, view);
+            let batch: Vec<Vec<Spoke>> = (start..n.min(start + BATCH))
+                .into_par_iter()
+                .with_min_len(256)
+                .map_init(clipper, |clipper, i| {
+                    clipper.clip::<2>(i, nearest.of(i));
+                    spokes(clipper)
+                })
+                .collect();
+            batch.into_iter().for_each(|spokes| stars.push(&spokes));
+        }
+        Ok(stars)
+    }
+
+    /// Stars from their spokes.
+    #[must_use]
+    pub fn from_spokes(all: &[Vec<Spoke>]) -> Self {
+        let mut stars = Self { offsets: vec![0], spokes: Vec::new() };
+        all.iter().for_each(|spokes| stars.push(spokes));
+        stars
+    }
+
+    fn push(&mut self, spokes: &[Spoke]) {
+        self.spokes.extend_from_slice(spokes);
+        self.offsets.push(self.spokes.len());
+    }
+
+    /// Number of points.
+    #[must_use]
+    #[allow(clippy::len_without_is_empty)] // a cloud has points
+    pub fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// The star of point `i`.
+    #[must_use]
+    pub fn of(&self, i: usize) -> &[Spoke] {
+        &self.spokes[self.offsets[i]..self.offsets[i + 1]]
+    }
+
+    /// Where the star of each point begins among all spokes, and where the last one ends.
+    #[must_use]
+    pub fn offsets(&self) -> &[usize] {
+        &self.offsets
+    }
+
+    /// The triangle between spoke `k` of point `i` and the next spoke.
+    #[must_use]
+    pub fn triangle(&self, i: usize, k: usize) -> [u32; 3] {
+        let star = self.of(i);
+        [i as u32, star[k].neighbor, star[(k + 1) % star.len()].neighbor]
+    }
+
+    /// The triangles on the surface around point `i`, which is the first corner of each.
+    pub fn triangles(&self, i: usize) -> impl Iterator<Item = [u32; 3]> {
+        self.of(i).iter().enumerate().filter(|(_, spoke)| spoke.filled).map(move |(k, _)| self.triangle(i, k))
+    }
+
+    /// Takes the triangle behind spoke `k` of point `i` out of its star.
+    pub(super) fn empty(&mut self, i: usize, k: usize) {
+        self.spokes[self.offsets[i] + k].filled = false;
+    }
+
+    /// Drops the spokes that no triangle touches.
+    pub(super) fn trim(&mut self) {
+        let all: Vec<Vec<Spoke>> = (0..self.len())
+            .map(|i| {
+                let star = self.of(i);
+                let before = |k: usize| star[(k + star.len() - 1) % star.len()].filled;
+                (0..star.len()).filter(|&k| star[k].filled || before(k)).map(|k| star[k]).collect()
+            })
+            .collect();
+        *self = Self::from_spokes(&all);
+    }
+
+    /// Voronoi cells made of the triangles: areas between circumcentres (mixed areas around an open star), and half
+    /// the sum of the cotangents that face a spoke as its conductance.
+    #[must_use]
+    pub fn cells(&self, points: &Points) -> Cells {
+        gather((0..self.len()).into_par_iter().with_min_len(256).map(|i| self.cell(points, i)).collect())
+    }
+
+    fn cell(&self, points: &Points, i: usize) -> Cell {
+        let star = self.of(i);
+        let (mut voronoi, mut mixed, mut radius) = (0.0, 0.0, 0.0_f64);
+        let mut conductance: Vec<(u32, f64)> = star.iter().map(|spoke| (spoke.neighbor, 0.0)).collect();
+        for k in (0..star.len()).filter(|&k| star[k].filled) {
+            let triangle = TriangleMetric::of(points, self.triangle(i, k));
+            if !triangle.circumradius().is_finite() {
+                continue;
+            }
+            radius = radius.max(triangle.circumradius());
+            voronoi += triangle.voronoi_area(0);
+            mixed += triangle.mixed_area(0);
+            conductance[k].1 += 0.5 * triangle.cotangent(2);
+            conductance[(k + 1) % star.len()].1 += 0.5 * triangle.cotangent(1);
+        }
+        conductance.sort_unstable_by_key(|&(q, _)| q);
+        let closed = star.iter().all(|spoke| spoke.filled) && !star.is_empty();
+        if mixed <= 0.0 {
+            return Cell { volume: 0.0, radius: 0.0, kind: CellKind::Invalid, conductance };
+        }
+        let (volume, kind) = match closed {
+            true if voronoi > 0.0 => (voronoi, CellKind::Closed),
+            true => (mixed, CellKind::Closed),
+            false => (mixed, CellKind::Rim),
+        };
+        Cell { volume, radius, kind, conductance }
+    }
+}
+
+/// The spokes of a clipped cell: every edge of it belongs to a neighbour, every corner to a triangle.
+fn spokes(clipper: &Clipper<'_, Polygon>) -> Vec<Spoke> {
+    clipper
+        .corners::<2>()
+        .filter(|(corner, _)| corner.sites[0].neighbor != BOX)
+        .map(|(corner, filled)| Spoke { neighbor: corner.sites[0].neighbor, filled })
+        .collect()
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::cloud::{NonFinite, PointCloud};
+    use crate::geometry::frames;
+
+    /// The points and stars of a surface in space, gaps opened.
+    pub(crate) fn stars_of(rows: &[[f64; 3]]) -> (Points, Frames, Stars) {
+        let cloud = PointCloud::new(3, rows.concat(), NonFinite::Reject).unwrap();
+        let points = Points::prepare(&cloud, 2).unwrap();
+        let (tree, progress) = (SearchTree::new(&points), Progress::new());
+        let nearest = NearestNeighbors::find(&tree, &points, 20, &progress).unwrap();
+        let frames = frames(&points, &nearest, 2, &progress).unwrap().among_creases(&points, &nearest);
+        let stars = Stars::find(&points, &tree, &nearest, &frames, true, &progress).unwrap();
+        let stars = stars.with_open_gaps(&points, &nearest);
+        (points, frames, stars)
+    }
+
+    /// A number between -0.5 and 0.5 from a hash.
+    pub(crate) fn jitter(seed: u64) -> f64 {
+        let z = seed.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        ((z ^ (z >> 27)) >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    }
+
+    /// The six faces of a cube of `cells³` unit cubes, points inside the faces moved within them by up to `share/2`.
+    fn cube(cells: i32, share: f64) -> Vec<[f64; 3]> {
+        let on_face = |p: &[i32; 3]| p.iter().any(|&x| x == 0 || x == cells);
+        (0..(cells + 1).pow(3))
+            .map(|i| [i % (cells + 1), i / (cells + 1) % (cells + 1), i / (cells + 1).pow(2)])
+            .filter(on_face)
+            .enumerate()
+            .map(|(row, p)| {
+                std::array::from_fn(|axis| {
+                    let free = p[axis] > 0 && p[axis] < cells;
+                    let moved = if free { share * jitter((3 * row + axis) as u64) } else { 0.0 };
+                    f64::from(p[axis]) + moved
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_cells_of_a_cube_sampled_irregularly_cover_its_six_faces() {
+        for (share, open) in [(0.0, 0), (0.5, 6)] {
+            let (points, _, stars) = stars_of(&cube(10, share));
+            let cells = stars.cells(&points);
+            assert!(cells.count(CellKind::Rim) <= open && cells.count(CellKind::Invalid) == 0, "{share}");
+            let area: f64 = cells.volume.iter().sum();
+            assert!((area / 600.0 - 1.0).abs() < 0.005, "{share}: {area}");
+        }
+    }
+
+    #[test]
+    fn on_a_lattice_cells_are_squares_and_end_at_the_rim() {
+        let rows: Vec<[f64; 3]> = (0..64).map(|i| [f64::from(i % 8), f64::from(i / 8), 0.0]).collect();
+        let (points, _, stars) = stars_of(&rows);
+        let cells = stars.cells(&points);
+        for (row, [x, y, _]) in rows.iter().enumerate() {
+            let i = points.of_row(row).unwrap();
+            let ends = [x, y].into_iter().filter(|&&at| at == 0.0 || at == 7.0).count();
+            assert!((cells.volume[i] - 0.5_f64.powi(ends as i32)).abs() < 1e-12);
+            assert_eq!(cells.kind[i], if ends == 0 { CellKind::Closed } else { CellKind::Rim });
+            // a wall of length 1 over the distance 1, along the rim half of it
+            let along: f64 = cells.conductance[i].iter().map(|(_, w)| w).sum();
+            assert!((along - [4.0, 2.0, 1.0][ends]).abs() < 1e-12, "{along}");
+        }
+    }
+}
