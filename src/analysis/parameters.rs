@@ -163,9 +163,11 @@ impl Parameters {
 
     /// t and δ for a cloud with covering radius `epsilon`: `t = c·ε²`, `δ = c'·√(2t)`.
     pub(super) fn heat_kernel(&self, epsilon: f64) -> HeatKernel {
-        let t = self
-            .t
-            .unwrap_or_else(|| self.t_factor.unwrap_or(pb_mhb::t_factor(self.dimension, self.additions().moment_calibration)) * epsilon * epsilon);
+        let t = self.t.unwrap_or_else(|| {
+            self.t_factor.unwrap_or(pb_mhb::t_factor(self.dimension, self.additions().moment_calibration))
+                * epsilon
+                * epsilon
+        });
         let truncation_compensation = self.additions().truncation_compensation;
         let factor = match self.operator {
             kind if kind.is_pcd() => pcd::DELTA_FACTOR,

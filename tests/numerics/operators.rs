@@ -282,3 +282,61 @@ fn parameters_that_another_operator_has_no_use_for_are_refused() {
     assert!(refused(nearest).contains("`parameterization`"));
     assert!(refused(Parameters { dimension: 3, ..parameters(Mesh, 5) }).contains("`dimension`"));
 }
+
+/// The torus turned, moved, scaled by `scale`, and its rows in another order, faces with them.
+fn moved(torus: &PointCloud, scale: f64) -> PointCloud {
+    let (sine, cosine) = 0.7_f64.sin_cos();
+    let n = torus.len();
+    let mut order: Vec<u64> = (0..n as u64).collect();
+    order.sort_by(|&a, &b| hashed(a).total_cmp(&hashed(b)));
+    let mut place = vec![0; n];
+    order.iter().enumerate().for_each(|(new, &old)| place[old as usize] = new as u32);
+    let coordinates = order.iter().flat_map(|&i| {
+        let p = torus.point(i as usize);
+        [cosine * p[0] - sine * p[2] + 5.0, p[1] - 3.0, sine * p[0] + cosine * p[2] + 1.0].map(|x| scale * x)
+    });
+    let faces = torus.faces().iter().map(|face| face.map(|i| place[i as usize])).collect();
+    PointCloud::new(3, coordinates.collect(), NonFinite::Reject).unwrap().with_faces(faces).unwrap()
+}
+
+#[rstest]
+#[case(Mesh)]
+#[case(Cotangent)]
+#[case(WeightedGraph)]
+fn a_motion_and_a_shuffle_leave_the_spectrum_of_a_mesh_and_a_scale_divides_it_by_its_square(
+    #[case] kind: OperatorKind,
+) {
+    let torus = meshed_torus(1_200);
+    let parameters = Parameters { tolerance: 1e-8, ..parameters(kind, 12) };
+    let expected = eigenvalues(&eigen(&torus, &parameters));
+    for scale in [1.0, 1e-4, 1e5] {
+        let found = eigenvalues(&eigen(&moved(&torus, scale), &parameters));
+        for (j, (a, b)) in found.iter().zip(&expected).enumerate() {
+            assert!((a * scale * scale - b).abs() < 1e-6 * (1.0 + b), "{j}: {a} {b} at scale {scale}");
+        }
+    }
+}
+
+#[rstest]
+#[case(Mesh, 1.5)]
+#[case(Cotangent, 1.5)]
+fn on_a_grid_of_the_sphere_errors_fall_with_the_square_of_the_spacing(
+    #[case] kind: OperatorKind,
+    #[case] order: f64,
+) {
+    // four sizes, each four times the last, halve the spacing three times
+    let exact: Vec<f64> = [2.0; 3].into_iter().chain([6.0; 5]).collect();
+    let errors: Vec<f64> = [500, 2_000, 8_000, 32_000]
+        .into_iter()
+        .map(|n| {
+            let request = SampleRequest { sampling: Sampling::Grid, ..SampleRequest::new(Shape::Sphere, n) };
+            let sphere = sample(&request).unwrap();
+            worst_error(
+                &eigenvalues(&eigen(&sphere, &Parameters { tolerance: 1e-8, ..parameters(kind, 12) })),
+                &exact,
+            )
+        })
+        .collect();
+    let measured = (errors[0] / errors[3]).log2() / 3.0;
+    assert!(measured > order, "{kind:?}: order {measured:.2}, errors {errors:?}");
+}
