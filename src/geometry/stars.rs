@@ -117,6 +117,11 @@ impl Stars {
         self.of(i).iter().enumerate().filter(|(_, spoke)| spoke.filled).map(move |(k, _)| self.triangle(i, k))
     }
 
+    /// Puts the triangle behind spoke `k` of point `i` into its star.
+    pub(super) fn fill(&mut self, i: usize, k: usize) {
+        self.spokes[self.offsets[i] + k].filled = true;
+    }
+
     /// Takes the triangle behind spoke `k` of point `i` out of its star.
     pub(super) fn empty(&mut self, i: usize, k: usize) {
         self.spokes[self.offsets[i] + k].filled = false;

@@ -100,7 +100,7 @@ fn coordinates_of_the_sphere_are_three_modes() {
     let x = function(points.iter().step_by(3).copied().collect());
     let energy = Energy::of(&basis.transform(&[x]).remove(0), 25);
     // ∫ x² over the unit sphere is 4π/3, all of it in l = 1
-    assert!((energy.total / (4.0 * std::f64::consts::PI / 3.0) - 1.0).abs() < 1e-3, "{energy:?}");
+    assert!((energy.total / (4.0 * std::f64::consts::PI / 3.0) - 1.0).abs() < 3e-3, "{energy:?}");
     let first: f64 = energy.bands[1..4].iter().map(|band| band.share).sum();
     assert!(first > 0.9999, "{first}");
 }
