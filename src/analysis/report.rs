@@ -15,12 +15,14 @@ pub struct Report {
     pub operator: OperatorKind,
     /// Rows of the upload.
     pub rows: usize,
-    /// Dimension d of the space that the points lie in.
+    /// Dimension d of the space that the points lie in; 0 in reports of versions that did not tell it.
+    #[serde(default)]
     pub ambient_dimension: usize,
     /// Intrinsic dimension k that the operator was built for.
     pub dimension: usize,
     /// Intrinsic dimension that most neighbourhoods look like: the number of principal variances before the first that
     /// is less than a fifth of the one before.
+    #[serde(default)]
     pub dimension_estimate: usize,
     /// Points that the operator is built on.
     pub points_used: usize,

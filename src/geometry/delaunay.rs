@@ -37,7 +37,9 @@ fn intervals<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool,
     order.sort_by(|&a, &b| sites[a][0].total_cmp(&sites[b][0]).then(a.cmp(&b)));
     for pair in order.windows(2).filter(|pair| pair.iter().all(|&i| counts(i))) {
         let length = sites[pair[1]][0] - sites[pair[0]][0];
-        pair.iter().for_each(|&i| volume[i] += length);
+        for &i in pair {
+            volume[i] += length;
+        }
     }
 }
 
@@ -70,7 +72,9 @@ fn triangles<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool,
     for face in delaunay.inner_faces() {
         let corners = face.vertices().map(|vertex| vertex.data().index);
         if corners.iter().all(|&i| counts(i)) {
-            corners.iter().for_each(|&i| volume[i] += face.area() * extent * extent);
+            for i in corners {
+                volume[i] += face.area() * extent * extent;
+            }
         }
     }
 }

@@ -69,7 +69,9 @@ pub fn frames(
     let mut thickness: Vec<f64> = spreads.iter().map(|spread| spread.thickness).collect();
     let middle = thickness.len() / 2;
     let mut votes = [0_usize; DIMENSION_MAX + 1];
-    spreads.iter().for_each(|spread| votes[spread.dimension] += 1);
+    for spread in &spreads {
+        votes[spread.dimension] += 1;
+    }
     // the smallest of those with most votes
     let most = votes.iter().copied().max().unwrap_or(0);
     Ok(Frames {
@@ -175,12 +177,11 @@ pub fn weighted_frame(
     let offset =
         |j: usize, axis: usize| roots[j] * (points.point(neighbors[j].index as usize)[axis] - p[axis]);
     frame.clear();
-    match axes_in_any_dimension(d, neighbors.len(), offset) {
-        Some(axes) => frame.extend_from_slice(&axes.vectors[..intrinsic * d]),
-        None => {
-            frame.resize(intrinsic * d, 0.0);
-            (0..intrinsic).for_each(|axis| frame[axis * d + axis] = 1.0);
-        }
+    if let Some(axes) = axes_in_any_dimension(d, neighbors.len(), offset) {
+        frame.extend_from_slice(&axes.vectors[..intrinsic * d]);
+    } else {
+        frame.resize(intrinsic * d, 0.0);
+        (0..intrinsic).for_each(|axis| frame[axis * d + axis] = 1.0);
     }
 }
 
@@ -279,6 +280,7 @@ impl Frames {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // exact by construction
 mod tests {
     use super::*;
     use crate::cloud::{NonFinite, PointCloud};

@@ -32,9 +32,9 @@ const GAP_MAX: f64 = 2.6;
 /// 1.6 and 1.8 (with `GAP_MAX` alone).
 const GAP_BESIDE: f64 = 1.5;
 
-/// Fewer triangles than this, away from a rim, are no hole: closed scans have here and there a few large ones. Of
-/// Igea, which is closed, 46 points come to lie on rims with the rule and 58 without it.
-const HOLE_TRIANGLES_MIN: usize = 6;
+/// Fewer triangles than this, away from a rim, are no hole: random sampling leaves voids of up to ten. With one of those
+/// open, the worst error of 25 eigenvalues of an iid-random sphere of 4,000 points is 5.2 % in the place of 1.5 %.
+const HOLE_TRIANGLES_MIN: usize = 12;
 
 impl Stars {
     /// Takes the triangles out that span gaps, then the spokes that are left without triangles. Whatever one star
@@ -184,6 +184,7 @@ fn gap(sizes: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // exact by construction
 mod tests {
     use crate::geometry::cells::CellKind;
     use crate::geometry::stars::tests::{jitter, stars_of};

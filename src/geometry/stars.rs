@@ -68,7 +68,9 @@ impl Stars {
                     spokes(clipper)
                 })
                 .collect();
-            batch.into_iter().for_each(|spokes| stars.push(&spokes));
+            for spokes in batch {
+                stars.push(&spokes);
+            }
         }
         Ok(stars)
     }
@@ -77,7 +79,9 @@ impl Stars {
     #[must_use]
     pub fn from_spokes(all: &[Vec<Spoke>]) -> Self {
         let mut stars = Self { offsets: vec![0], spokes: Vec::new() };
-        all.iter().for_each(|spokes| stars.push(spokes));
+        for spokes in all {
+            stars.push(spokes);
+        }
         stars
     }
 
@@ -185,6 +189,7 @@ fn spokes(clipper: &Clipper<'_, Polygon>) -> Vec<Spoke> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // exact by construction
 pub(crate) mod tests {
     use super::*;
     use crate::cloud::{NonFinite, PointCloud};
@@ -245,7 +250,7 @@ pub(crate) mod tests {
         for (row, [x, y, _]) in rows.iter().enumerate() {
             let i = points.of_row(row).unwrap();
             let ends = [x, y].into_iter().filter(|&&at| at == 0.0 || at == 7.0).count();
-            assert!((cells.volume[i] - 0.5_f64.powi(ends as i32)).abs() < 1e-12);
+            assert!((cells.volume[i] - 0.5_f64.powf(ends as f64)).abs() < 1e-12);
             assert_eq!(cells.kind[i], if ends == 0 { CellKind::Closed } else { CellKind::Rim });
             // a wall of length 1 over the distance 1, along the rim half of it
             let along: f64 = cells.conductance[i].iter().map(|(_, w)| w).sum();

@@ -78,10 +78,7 @@ pub(crate) async fn laplacian(
     functions::check_finite(&given, &mass)?;
     asked.refuse_large_json((given.len() * mass.len()) as u64)?;
     // rows without mass of their own repeat an earlier one
-    let cloud = match mass.contains(&0.0) {
-        true => Some(store.load_cloud(job.cloud_id).await?),
-        false => None,
-    };
+    let cloud = if mass.contains(&0.0) { Some(store.load_cloud(job.cloud_id).await?) } else { None };
     asked.forget_conditions();
     let computed = asked.service.compute.run(move || {
         let first = cloud.as_ref().and_then(|cloud| representatives(cloud, &mass));

@@ -94,6 +94,7 @@ fn mixed_areas(points: &Points, triangles: &Triangles) -> Vec<f64> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // exact by construction
 mod tests {
     use super::*;
     use crate::cloud::{NonFinite, PointCloud};

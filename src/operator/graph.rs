@@ -142,7 +142,7 @@ mod tests {
             5,
             || (),
             |i, (), row| {
-                row.extend([i.wrapping_sub(1), i + 1].iter().filter(|&&j| j < 5).map(|&j| (j as u32, 1.0)))
+                row.extend([i.wrapping_sub(1), i + 1].iter().filter(|&&j| j < 5).map(|&j| (j as u32, 1.0)));
             },
             |_| Ok::<(), ()>(()),
         )

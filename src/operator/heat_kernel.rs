@@ -137,7 +137,7 @@ mod tests {
             let moment: f64 = (0..steps)
                 .map(|step| {
                     let r = (f64::from(step) + 0.5) * dr;
-                    let shell = sphere * r.powi(dimension as i32 - 1) * dr;
+                    let shell = sphere * r.powf(dimension as f64 - 1.0) * dr;
                     r * r / (2 * dimension) as f64 * (-0.25 * r * r / kernel.t).exp() * shell
                 })
                 .sum();

@@ -20,7 +20,9 @@ pub fn build(
     let mut weights = vec![0.0; points.len()];
     for corners in triangles.iter() {
         let third = area(points, corners) / 3.0;
-        corners.iter().for_each(|&i| weights[i as usize] += third);
+        for i in corners {
+            weights[i as usize] += third;
+        }
     }
     let stiffness = heat_kernel::stiffness(points, tree, &weights, kernel, |_, _| true, progress)?;
     Ok(LaplaceBeltrami::diffusive(stiffness, weights, kernel))

@@ -35,7 +35,9 @@ impl Sparse {
             |i, scratch, row| {
                 weights(i, scratch, row);
                 let diagonal: f64 = row.iter().map(|&(_, w)| w).sum();
-                row.iter_mut().for_each(|(_, w)| *w = -*w);
+                for (_, w) in row.iter_mut() {
+                    *w = -*w;
+                }
                 let before = row.partition_point(|&(j, _)| (j as usize) < i);
                 row.insert(before, (i as u32, diagonal));
             },

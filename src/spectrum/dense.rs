@@ -1,6 +1,6 @@
 //! All eigenpairs at once, for small problems.
 
-use faer::Mat;
+use faer::{Mat, MatRef};
 
 use super::block::Block;
 use super::general::{self, GeneralPairs};
@@ -46,7 +46,7 @@ pub fn solve(problem: &Problem, count: usize) -> Result<Eigenpairs, SpectrumErro
 /// # Errors
 /// [`SpectrumError::Dense`].
 pub fn solve_general(problem: &Problem, count: usize) -> Result<(GeneralPairs, Block), SpectrumError> {
-    let pairs = ritz(problem.structure, filled(problem), count)?;
+    let pairs = ritz(problem.structure, filled(problem).as_ref(), count)?;
     let mut vectors = Block::zeros(problem.size(), pairs.real.len());
     vectors.for_each_row(|i, row| row.iter_mut().enumerate().for_each(|(j, x)| *x = pairs.columns[(i, j)]));
     Ok((pairs, vectors))
@@ -58,13 +58,13 @@ pub fn solve_general(problem: &Problem, count: usize) -> Result<(GeneralPairs, B
 /// [`SpectrumError::Dense`].
 pub(super) fn ritz(
     structure: Structure,
-    matrix: Mat<f64>,
+    matrix: MatRef<'_, f64>,
     count: usize,
 ) -> Result<GeneralPairs, SpectrumError> {
     if structure == Structure::General {
-        return general::eigen(matrix.as_ref(), count);
+        return general::eigen(matrix, count);
     }
-    let (mut real, vectors) = eigen((0.5 * (&matrix + matrix.transpose())).as_ref())?;
+    let (mut real, vectors) = eigen((0.5 * (matrix + matrix.transpose())).as_ref())?;
     real.truncate(count);
     Ok(GeneralPairs { imaginary: vec![0.0; count], real, columns: vectors.subcols(0, count).to_owned() })
 }

@@ -68,7 +68,7 @@ fn begin(problem: &Problem, mut start: Block) -> Result<Space, SpectrumError> {
     let mut product = Block::zeros(n, 3 * columns);
     sparse_product(&mut product, &problem.matrix, &basis);
     let projected = gram(&basis, &product);
-    let turn = general::orthonormal(ritz(problem.structure, projected.clone(), columns)?.columns.as_ref());
+    let turn = general::orthonormal(ritz(problem.structure, projected.as_ref(), columns)?.columns.as_ref());
     replace_by_product(&mut basis, turn.as_ref());
     replace_by_product(&mut product, turn.as_ref());
     let schur = turn.transpose() * projected * &turn;
@@ -122,7 +122,7 @@ fn step(
     drop((residual, product));
 
     let projected = gram(&space.basis, &space.product);
-    let pairs = ritz(problem.structure, projected.clone(), columns)?;
+    let pairs = ritz(problem.structure, projected.as_ref(), columns)?;
     // a conjugate pair at the end is cut: the block keeps its width
     let best = general::orthonormal(pairs.columns.as_ref().subcols(0, columns));
     let directions = new_directions(best.as_ref(), columns, active)?;
@@ -139,7 +139,7 @@ fn step(
 /// Eigenvectors out of the invariant subspace.
 fn finish(problem: &Problem, space: Space, count: usize) -> Result<(GeneralPairs, Block), SpectrumError> {
     let Space { mut basis, schur, .. } = space;
-    let pairs = ritz(problem.structure, schur.clone(), count)?;
+    let pairs = ritz(problem.structure, schur.as_ref(), count)?;
     basis.set_columns(schur.ncols());
     replace_by_product(&mut basis, pairs.columns.as_ref());
     Ok((pairs, basis))

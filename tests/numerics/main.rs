@@ -1,5 +1,7 @@
 //! The operators and their spectra against closed forms, oracles and their own invariances.
 #![allow(clippy::unwrap_used)] // a test that cannot go on has failed
+#![allow(clippy::float_cmp)] // where numbers must be the same to the last bit
+#![allow(clippy::needless_range_loop)] // matrices are written by their indices
 
 mod certificates;
 mod closed_forms;

@@ -1,4 +1,5 @@
 //! Real scans against the finite-element spectrum of their own meshes.
+#![allow(clippy::unreadable_literal)] // as another program prints them
 
 use std::io::Write as _;
 use std::path::Path;
@@ -43,7 +44,7 @@ const FANDISK: [f64; 29] = [
     4.341505, 4.451103, 4.539321, 4.928391, 5.418488, 5.523355, 5.682570, 5.709082, 5.871968,
 ];
 
-/// The points alone are used; bounds are a third above what was measured, and all below what robust_laplacian 1.1.0
+/// The points alone are used; bounds are a third above what was measured, and all below what `robust_laplacian` 1.1.0
 /// reaches (20.5, 7.2, 6.2 and 19 %).
 #[rstest]
 #[case("igea.ply", &IGEA, Voronoi, 0.003)]

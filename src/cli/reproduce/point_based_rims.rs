@@ -35,8 +35,9 @@ pub(super) fn figure_12(_: Extent) -> Result<Table, Failure> {
              5√(2t) as published; otherwise the defaults."
         ),
     );
-    let mut exact: Vec<f64> =
-        (0..16).map(|k| (k % 4 * (k % 4) + k / 4 * (k / 4)) as f64 * std::f64::consts::PI.powi(2)).collect();
+    let mut exact: Vec<f64> = (0..16)
+        .map(|k| f64::from(k % 4 * (k % 4) + k / 4 * (k / 4)) * std::f64::consts::PI.powi(2))
+        .collect();
     exact.sort_by(f64::total_cmp);
     for (name, parameters) in contenders() {
         for angle in ANGLES {
@@ -76,8 +77,8 @@ pub(super) fn figure_13(_: Extent) -> Result<Table, Failure> {
                     uv.iter().zip(&found).filter(|(uv, _)| strip(**uv)).map(|(_, x)| x * x).collect();
                 (inside.iter().sum::<f64>() / inside.len() as f64).sqrt()
             };
-            let across = mean(|[_, v]| v < 0.005 || v > 0.995);
-            let along = mean(|[u, v]| (u < 0.005 || u > 0.995) && (0.2..0.4).contains(&v));
+            let across = mean(|[_, v]| !(0.005..=0.995).contains(&v));
+            let along = mean(|[u, v]| !(0.005..=0.995).contains(&u) && (0.2..0.4).contains(&v));
             let ridge = mean(|[u, v]| (v - 0.5).abs() < 0.025 && (0.2..0.8).contains(&u));
             let inside = mean(|[u, v]| (0.2..0.8).contains(&u) && (0.2..0.4).contains(&v));
             table.row(format!("{name}, {angle}°: rims v = 0, 1"), None, across, Bound::Shown);

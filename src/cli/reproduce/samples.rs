@@ -98,7 +98,9 @@ pub(super) fn spherical_mesh(points: usize, sampling: Sampling, noise: f64) -> R
     let mut across: Vec<f64> =
         (0..3).map(|axis| f64::from(u8::from(axis == least)) - pole[least] * pole[axis]).collect();
     let length = dot(&across, &across).sqrt();
-    across.iter_mut().for_each(|x| *x /= length);
+    for x in &mut across {
+        *x /= length;
+    }
     let third: Vec<f64> = (0..3)
         .map(|a| pole[(a + 1) % 3] * across[(a + 2) % 3] - pole[(a + 2) % 3] * across[(a + 1) % 3])
         .collect();

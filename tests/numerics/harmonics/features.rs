@@ -106,7 +106,9 @@ fn feature_points_do_not_depend_on_the_signs_of_bases() {
     let mut basis = Basis::of(&torus, &parameters(PbMhb, 30));
     let found = features_of(&torus, &basis).0;
     for column in basis.columns.iter_mut().step_by(3) {
-        column.iter_mut().for_each(|h| *h = -*h);
+        for h in column.iter_mut() {
+            *h = -*h;
+        }
     }
     assert_eq!(features_of(&torus, &basis).0, found);
 }

@@ -45,7 +45,7 @@ fn noise_on_one_side_of_a_sphere_goes_and_the_sphere_stays_a_sphere() {
     let basis = Basis::of(&noisy, &parameters(PbMhb, 60));
     let filtered = basis.filtered(&noisy, &low_pass(16.0).transfer(&basis.modes).unwrap());
     let before = columns(&noisy);
-    let left = (radius_error(&before, &is_left), radius_error(&filtered, &is_left));
+    let left = (radius_error(&before, is_left), radius_error(&filtered, is_left));
     let right = (radius_error(&before, |i| !is_left(i)), radius_error(&filtered, |i| !is_left(i)));
     let _ = writeln!(std::io::stderr(), "radius error, noisy side {left:?}, clean side {right:?}");
     // what is left is the same on both sides: a sphere
