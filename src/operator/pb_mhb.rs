@@ -63,7 +63,7 @@ pub enum Coupling<'a> {
 
 /// Assembles the operator: mass `a_i`, stiffness `s_ij = −a_i a_j · factor · exp(−d_ij²/4t)` for `d_ij ≤ δ`
 /// [PBMHB eq. 3.5–3.7], zero row sums; with `calibrate` scaled on both sides by positive numbers (see
-/// [`calibration`]).
+/// `calibration`).
 ///
 /// # Errors
 /// [`Canceled`].
