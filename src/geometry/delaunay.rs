@@ -192,7 +192,7 @@ mod tests {
             space.push(std::array::from_fn(|axis| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 }));
         }
         let volume: f64 = around(&space, |_| true).iter().sum::<f64>() / 4.0;
-        // but for slivers on the hull
-        assert!((volume - 8.0).abs() < 1e-2, "{volume}");
+        // but for slivers on the hull, whose circumcentres are beyond the box or lost in rounding
+        assert!(volume < 8.0 + 1e-9 && volume > 7.9, "{volume}");
     }
 }
