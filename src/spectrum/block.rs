@@ -5,6 +5,7 @@
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use crate::operator::Sparse;
@@ -84,12 +85,14 @@ impl Block {
         });
     }
 
-    fn chunk(&self, rows: std::ops::Range<usize>) -> MatRef<'_, f64> {
-        let values = &self.values[rows.start * self.width..];
+    /// Columns `from ..` of some rows.
+    fn chunk(&self, rows: std::ops::Range<usize>, from: usize) -> MatRef<'_, f64> {
+        let values = &self.values[rows.start * self.width + from..];
+        let columns = self.columns - from;
         MatRef::from_row_major_slice_with_stride(
-            values_for(values, rows.len(), self.width, self.columns),
+            values_for(values, rows.len(), self.width, columns),
             rows.len(),
-            self.columns,
+            columns,
             self.width,
         )
     }
@@ -103,23 +106,29 @@ fn values_for(values: &[f64], rows: usize, width: usize, columns: usize) -> &[f6
 /// `AᵀB`, `a.columns × b.columns`.
 #[must_use]
 pub fn gram(a: &Block, b: &Block) -> Mat<f64> {
+    gram_from(a, 0, b)
+}
+
+/// The same with columns `from ..` of `A` only.
+#[must_use]
+pub fn gram_from(a: &Block, from: usize, b: &Block) -> Mat<f64> {
     let n = a.rows;
     let share = n.div_ceil(PARTIAL_SUMS).max(CHUNK_ROWS);
     let starts: Vec<usize> = (0..n).step_by(share).collect();
     let partial: Vec<Mat<f64>> = starts
         .into_par_iter()
         .map(|start| {
-            let mut sum = Mat::zeros(a.columns, b.columns);
+            let mut sum = Mat::zeros(a.columns - from, b.columns);
             let end = n.min(start + share);
             for first in (start..end).step_by(CHUNK_ROWS) {
                 let rows = first..end.min(first + CHUNK_ROWS);
-                let (left, right) = (a.chunk(rows.clone()), b.chunk(rows));
+                let (left, right) = (a.chunk(rows.clone(), from), b.chunk(rows, 0));
                 matmul(&mut sum, Accum::Add, left.transpose(), right, 1.0, Par::Seq);
             }
             sum
         })
         .collect();
-    let mut total = Mat::zeros(a.columns, b.columns);
+    let mut total = Mat::zeros(a.columns - from, b.columns);
     for sum in partial {
         total += sum;
     }
@@ -128,6 +137,11 @@ pub fn gram(a: &Block, b: &Block) -> Mat<f64> {
 
 /// `C += scale · A M` for a small matrix `M`, `a.columns × c.columns`.
 pub fn add_product(c: &mut Block, scale: f64, a: &Block, m: MatRef<'_, f64>) {
+    add_product_from(c, scale, a, 0, m);
+}
+
+/// The same with columns `from ..` of `A` only.
+pub fn add_product_from(c: &mut Block, scale: f64, a: &Block, from: usize, m: MatRef<'_, f64>) {
     let (width, columns) = (c.width, c.columns);
     c.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, values)| {
         let rows = values.len() / width;
@@ -137,7 +151,7 @@ pub fn add_product(c: &mut Block, scale: f64, a: &Block, m: MatRef<'_, f64>) {
         let target =
             MatMut::from_column_major_slice_with_stride_mut(&mut values[..length], columns, rows, width)
                 .transpose_mut();
-        matmul(target, Accum::Add, a.chunk(first..first + rows), m, scale, Par::Seq);
+        matmul(target, Accum::Add, a.chunk(first..first + rows, from), m, scale, Par::Seq);
     });
 }
 
@@ -162,22 +176,79 @@ pub fn replace_by_product(a: &mut Block, m: MatRef<'_, f64>) {
     a.set_columns(m.ncols());
 }
 
-/// `Y = A X` for a sparse symmetric `A`; `Y` takes `X`'s number of columns.
+/// `Y = A X` for a sparse `A`; `Y` takes `X`'s number of columns.
 pub fn sparse_product(y: &mut Block, a: &Sparse, x: &Block) {
     y.set_columns(x.columns);
-    let (width, columns) = (y.width, y.columns);
+    let (width, columns, arch) = (y.width, y.columns, Arch::new());
     y.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
-        for (k, out) in rows.chunks_mut(width).enumerate() {
-            let out = &mut out[..columns];
-            out.fill(0.0);
-            let (entries, values) = a.row(chunk * CHUNK_ROWS + k);
-            for (&j, &value) in entries.iter().zip(values) {
-                for (y, x) in out.iter_mut().zip(x.row(j as usize)) {
-                    *y += value * x;
+        arch.dispatch(RowsOfProduct { a, x, first: chunk * CHUNK_ROWS, rows, width, columns });
+    });
+}
+
+/// Some rows of a product, the first of them number `first`, `columns` numbers in every `width`.
+struct RowsOfProduct<'a> {
+    a: &'a Sparse,
+    x: &'a Block,
+    first: usize,
+    rows: &'a mut [f64],
+    width: usize,
+    columns: usize,
+}
+
+impl WithSimd for RowsOfProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (k, row) in self.rows.chunks_mut(self.width).enumerate() {
+            let entries = self.a.row(self.first + k);
+            let (vectors, rest) = S::as_mut_simd_f64s(&mut row[..self.columns]);
+            // sums of many columns stay in registers while the row's entries pass by
+            let mut p = 0;
+            while p + 8 <= vectors.len() {
+                columns_of_product::<S, 8>(simd, &mut vectors[p..], entries, self.x, p);
+                p += 8;
+            }
+            if p + 4 <= vectors.len() {
+                columns_of_product::<S, 4>(simd, &mut vectors[p..], entries, self.x, p);
+                p += 4;
+            }
+            if p + 2 <= vectors.len() {
+                columns_of_product::<S, 2>(simd, &mut vectors[p..], entries, self.x, p);
+                p += 2;
+            }
+            if p < vectors.len() {
+                columns_of_product::<S, 1>(simd, &mut vectors[p..], entries, self.x, p);
+            }
+            let done = self.columns - rest.len();
+            for (j, y) in (done..).zip(rest) {
+                *y = 0.0;
+                for (&i, &value) in entries.0.iter().zip(entries.1) {
+                    *y += value * self.x.row(i as usize)[j];
                 }
             }
         }
-    });
+    }
+}
+
+/// `P` vectors of columns of one row of a product, from the `p`-th on.
+#[inline(always)]
+fn columns_of_product<S: Simd, const P: usize>(
+    simd: S,
+    out: &mut [S::f64s],
+    (columns, values): (&[u32], &[f64]),
+    x: &Block,
+    p: usize,
+) {
+    let mut sums = [simd.splat_f64s(0.0); P];
+    for (&j, &value) in columns.iter().zip(values) {
+        let value = simd.splat_f64s(value);
+        let row = &S::as_simd_f64s(x.row(j as usize)).0[p..p + P];
+        for (sum, x) in sums.iter_mut().zip(row) {
+            *sum = simd.mul_add_f64s(value, *x, *sum);
+        }
+    }
+    out[..P].copy_from_slice(&sums);
 }
 
 /// Euclidean norms of the columns.

@@ -4,20 +4,20 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::supernodal::{SupernodalLdltRef, SymbolicSupernodalCholesky};
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, Mat, Par, Side};
 use rayon::prelude::*;
 
-use super::SpectrumError;
 use super::block::Block;
+use super::substitution::WIDTH;
+use super::{SpectrumError, substitution};
 use crate::operator::Sparse;
-
-/// Right-hand sides solved together by one thread: enough to make the factor's reading worth while, few enough to
-/// stay in cache. A fixed number, since a column's last bits depend on the width of its group.
-const COLUMNS_TOGETHER: usize = 8;
 
 /// Largest relative residual of the probe after a factorisation. A release of the kernel library once gave silently
 /// wrong factors.
@@ -27,6 +27,10 @@ const PROBE_MAX: f64 = 1e-6;
 pub struct Symbolic {
     symbolic: SymbolicCholesky<u32>,
     offsets: Vec<u32>,
+    /// The row eliminated k-th.
+    order: Vec<u32>,
+    /// When row i is eliminated.
+    place: Vec<u32>,
 }
 
 impl Symbolic {
@@ -34,26 +38,39 @@ impl Symbolic {
     ///
     /// # Errors
     /// [`SpectrumError::Factorization`] when the matrix or its factor has more entries than can be indexed.
-    pub fn analyze(matrix: &Sparse, order: &[u32]) -> Result<Self, SpectrumError> {
+    pub fn analyze(matrix: &Sparse, order: Vec<u32>) -> Result<Self, SpectrumError> {
         let fail = |what: &str| SpectrumError::Factorization(format!("symbolic analysis: {what}"));
         if u32::try_from(matrix.nonzeros()).is_err() {
             return Err(fail("more than 2^32 entries"));
         }
         let n = matrix.rows();
         let offsets: Vec<u32> = matrix.offsets().iter().map(|&o| o as u32).collect();
-        let mut inverse = vec![0_u32; n];
-        for (place, &row) in order.iter().enumerate() {
-            inverse[row as usize] = place as u32;
+        let mut place = vec![0_u32; n];
+        for (k, &row) in order.iter().enumerate() {
+            place[row as usize] = k as u32;
         }
         let pattern = SymbolicSparseColMatRef::new_checked(n, n, &offsets, None, matrix.columns());
         let symbolic = factorize_symbolic_cholesky(
             pattern,
             Side::Lower,
-            SymmetricOrdering::Custom(PermRef::new_checked(order, &inverse, n)),
-            CholeskySymbolicParams::default(),
+            SymmetricOrdering::Custom(PermRef::new_checked(&order, &place, n)),
+            CholeskySymbolicParams {
+                supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+                ..CholeskySymbolicParams::default()
+            },
         )
         .map_err(|error| fail(&format!("{error:?}")))?;
-        Ok(Self { symbolic, offsets })
+        match symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(_) => Ok(Self { symbolic, offsets, order, place }),
+            SymbolicCholeskyRaw::Simplicial(_) => Err(fail("no supernodes")),
+        }
+    }
+
+    fn supernodes(&self) -> &SymbolicSupernodalCholesky<u32> {
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
+            SymbolicCholeskyRaw::Simplicial(_) => unreachable!("refused by the analysis"),
+        }
     }
 
     /// Entries of the factor.
@@ -83,8 +100,8 @@ impl Symbolic {
                 faer::Spec::default(),
             )
             .map_err(|error| SpectrumError::Factorization(format!("not positive definite: {error:?}")))?;
-        let cholesky = Cholesky { symbolic: &self.symbolic, factor };
-        let relative = probe(matrix, shift, |x| cholesky.solve_columns(x));
+        let cholesky = Cholesky { symbolic: self, factor };
+        let relative = probe(matrix, shift, |x| cholesky.solve(x));
         if relative.is_nan() || relative > PROBE_MAX {
             return Err(SpectrumError::Factorization(format!("the probe |Ax−b|/|b| is {relative:e}")));
         }
@@ -115,32 +132,22 @@ impl Symbolic {
             return Ok(None);
         }
         let relative = probe(matrix, -bound, |x| {
-            let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq));
+            let mut column = Mat::from_fn(x.rows(), 1, |i, _| x.row(i)[0]);
+            let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
             LdltRef::new(&self.symbolic, &factor).solve_in_place_with_conj(
                 Conj::No,
-                x.as_mut(),
+                column.as_mut(),
                 Par::Seq,
                 MemStack::new(&mut memory),
             );
+            x.for_each_row(|i, row| row[0] = column[(i, 0)]);
         });
-        Ok((relative <= PROBE_MAX).then(|| self.pivots(&factor).filter(|&pivot| pivot < 0.0).count()))
-    }
-
-    fn pivots<'a>(&'a self, factor: &'a [f64]) -> Box<dyn Iterator<Item = f64> + 'a> {
-        use faer::sparse::linalg::cholesky::SymbolicCholeskyRaw;
-        match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(symbolic) => {
-                Box::new(symbolic.col_ptr()[..symbolic.ncols()].iter().map(|&start| factor[start as usize]))
-            }
-            SymbolicCholeskyRaw::Supernodal(symbolic) => {
-                let ldlt =
-                    faer::sparse::linalg::cholesky::supernodal::SupernodalLdltRef::new(symbolic, factor);
-                Box::new((0..symbolic.n_supernodes()).flat_map(move |s| {
-                    let diagonal = ldlt.supernode(s).val();
-                    (0..diagonal.ncols()).map(move |k| diagonal[(k, k)])
-                }))
-            }
-        }
+        let ldlt = SupernodalLdltRef::new(self.supernodes(), &factor);
+        let negative = |s: usize| {
+            let diagonal = ldlt.supernode(s).val();
+            (0..diagonal.ncols()).filter(|&k| diagonal[(k, k)] < 0.0).count()
+        };
+        Ok((relative <= PROBE_MAX).then(|| (0..self.supernodes().n_supernodes()).map(negative).sum()))
     }
 
     fn pattern<'a>(&'a self, matrix: &'a Sparse) -> SymbolicSparseColMatRef<'a, u32> {
@@ -170,16 +177,16 @@ fn shifted(matrix: &Sparse, shift: f64) -> Vec<f64> {
 }
 
 /// `|(A + shift·I) x − b| / |b|` for the solution of a system whose right-hand side touches every row.
-fn probe(matrix: &Sparse, shift: f64, solve: impl FnOnce(&mut Mat<f64>)) -> f64 {
+fn probe(matrix: &Sparse, shift: f64, solve: impl FnOnce(&mut Block)) -> f64 {
     let n = matrix.rows();
     let b = |i: usize| super::start::hashed(i, usize::MAX);
-    let mut x = Mat::from_fn(n, 1, |i, _| b(i));
+    let mut x = Block::zeros(n, 1);
+    x.for_each_row(|i, row| row[0] = b(i));
     solve(&mut x);
+    let x = x.column(0);
     let (mut error, mut size) = (0.0, 0.0);
-    for i in 0..n {
-        let (columns, values) = matrix.row(i);
-        let product: f64 = columns.iter().zip(values).map(|(&j, v)| v * x[(j as usize, 0)]).sum();
-        error += (product + shift * x[(i, 0)] - b(i)).powi(2);
+    for (i, product) in matrix.product(&x).into_iter().enumerate() {
+        error += (product + shift * x[i] - b(i)).powi(2);
         size += b(i).powi(2);
     }
     (error / size).sqrt()
@@ -187,40 +194,33 @@ fn probe(matrix: &Sparse, shift: f64, solve: impl FnOnce(&mut Mat<f64>)) -> f64 
 
 /// A factor of `A + shift·I`.
 pub struct Cholesky<'a> {
-    symbolic: &'a SymbolicCholesky<u32>,
+    symbolic: &'a Symbolic,
     factor: Vec<f64>,
 }
 
 impl Cholesky<'_> {
     /// `X ← (A + shift·I)⁻¹ X`, groups of columns in parallel.
     pub fn solve(&self, x: &mut Block) {
-        let groups: Vec<usize> = (0..x.columns()).step_by(COLUMNS_TOGETHER).collect();
+        let Symbolic { order, place, .. } = self.symbolic;
+        let groups: Vec<usize> = (0..x.columns()).step_by(WIDTH).collect();
         let source = &*x;
-        let solved: Vec<Mat<f64>> = groups
+        let solved: Vec<Vec<f64>> = groups
             .par_iter()
             .map(|&first| {
-                let count = COLUMNS_TOGETHER.min(source.columns() - first);
-                let mut columns = Mat::from_fn(source.rows(), count, |i, j| source.row(i)[first + j]);
-                self.solve_columns(&mut columns);
-                columns
+                let count = WIDTH.min(source.columns() - first);
+                let mut group = vec![0.0; source.rows() * WIDTH];
+                for (row, &i) in group.chunks_exact_mut(WIDTH).zip(order) {
+                    row[..count].copy_from_slice(&source.row(i as usize)[first..first + count]);
+                }
+                substitution::solve(self.symbolic.supernodes(), &self.factor, &mut group);
+                group
             })
             .collect();
         x.for_each_row(|i, row| {
-            for (group, &first) in solved.iter().zip(&groups) {
-                for j in 0..group.ncols() {
-                    row[first + j] = group[(i, j)];
-                }
+            let place = place[i] as usize;
+            for (group, part) in solved.iter().zip(row.chunks_mut(WIDTH)) {
+                part.copy_from_slice(&group[place * WIDTH..][..part.len()]);
             }
         });
-    }
-
-    fn solve_columns(&self, x: &mut Mat<f64>) {
-        let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(x.ncols(), Par::Seq));
-        LltRef::new(self.symbolic, &self.factor).solve_in_place_with_conj(
-            Conj::No,
-            x.as_mut(),
-            Par::Seq,
-            MemStack::new(&mut memory),
-        );
     }
 }

@@ -17,6 +17,7 @@ pub mod problem;
 pub mod shift_invert;
 pub mod solver;
 pub mod start;
+mod substitution;
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

@@ -3,7 +3,7 @@
 use faer::{Mat, MatRef, Side};
 
 use super::SpectrumError;
-use super::block::{Block, add_product, gram, replace_by_product};
+use super::block::{Block, add_product_from, gram, gram_from, replace_by_product};
 
 /// Directions whose squared length is below this share of the largest are rounding noise.
 const RANK_TOLERANCE: f64 = 1e-13;
@@ -51,13 +51,23 @@ pub struct Taken {
 /// # Errors
 /// [`SpectrumError::Dense`].
 pub fn orthonormalize(w: &mut Block, v: &Block) -> Result<Taken, SpectrumError> {
+    orthonormalize_knowing(w, v, 0)
+}
+
+/// The same for a `w` that but for rounding is orthogonal to the columns of `v` before `from`: these are looked at in
+/// the second round only.
+///
+/// # Errors
+/// [`SpectrumError::Dense`].
+pub fn orthonormalize_knowing(w: &mut Block, v: &Block, from: usize) -> Result<Taken, SpectrumError> {
     let mut along = Mat::zeros(v.columns(), w.columns());
     let mut rest = Mat::identity(w.columns(), w.columns());
-    for _ in 0..2 {
-        if v.columns() > 0 {
-            let h = gram(v, w);
-            add_product(w, -1.0, v, h.as_ref());
-            along += &h * &rest;
+    for from in [from, 0] {
+        if v.columns() > from {
+            let h = gram_from(v, from, w);
+            add_product_from(w, -1.0, v, from, h.as_ref());
+            let mut part = along.as_mut().subrows_mut(from, v.columns() - from);
+            part += &h * &rest;
         }
         let (m, r) = normalizer(gram(w, w).as_ref())?;
         if m.ncols() == 0 {

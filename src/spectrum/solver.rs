@@ -122,7 +122,7 @@ fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
     matrix: &Sparse,
     request: &Request<'_, P>,
 ) -> Result<Symbolic, SpectrumError> {
-    Symbolic::analyze(matrix, &nested_dissection(matrix, &request.position))
+    Symbolic::analyze(matrix, nested_dissection(matrix, &request.position))
 }
 
 fn direct_solve<P>(
