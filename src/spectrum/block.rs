@@ -5,10 +5,7 @@
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
-use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
-
-use crate::operator::Sparse;
 
 /// Rows of one dense product: with 300 columns a chunk stays in the second-level cache.
 const CHUNK_ROWS: usize = 512;
@@ -73,6 +70,16 @@ impl Block {
                 change(chunk * CHUNK_ROWS + k, &mut row[..columns]);
             }
         });
+    }
+
+    /// Changes every stretch of rows in place, in parallel: the number of its first row, and the rows, each
+    /// `columns` numbers at the beginning of the block's width, which is passed on.
+    pub(super) fn for_each_stretch(&mut self, change: impl Fn(usize, &mut [f64], usize) + Sync + Send) {
+        let width = self.width;
+        self.values
+            .par_chunks_mut(width * CHUNK_ROWS)
+            .enumerate()
+            .for_each(|(chunk, rows)| change(chunk * CHUNK_ROWS, rows, width));
     }
 
     /// Copies `count` columns of `source` from its column `from` to columns `to ..` of this block.
@@ -174,81 +181,6 @@ pub fn replace_by_product(a: &mut Block, m: MatRef<'_, f64>) {
         },
     );
     a.set_columns(m.ncols());
-}
-
-/// `Y = A X` for a sparse `A`; `Y` takes `X`'s number of columns.
-pub fn sparse_product(y: &mut Block, a: &Sparse, x: &Block) {
-    y.set_columns(x.columns);
-    let (width, columns, arch) = (y.width, y.columns, Arch::new());
-    y.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
-        arch.dispatch(RowsOfProduct { a, x, first: chunk * CHUNK_ROWS, rows, width, columns });
-    });
-}
-
-/// Some rows of a product, the first of them number `first`, `columns` numbers in every `width`.
-struct RowsOfProduct<'a> {
-    a: &'a Sparse,
-    x: &'a Block,
-    first: usize,
-    rows: &'a mut [f64],
-    width: usize,
-    columns: usize,
-}
-
-impl WithSimd for RowsOfProduct<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        for (k, row) in self.rows.chunks_mut(self.width).enumerate() {
-            let entries = self.a.row(self.first + k);
-            let (vectors, rest) = S::as_mut_simd_f64s(&mut row[..self.columns]);
-            // sums of many columns stay in registers while the row's entries pass by
-            let mut p = 0;
-            while p + 8 <= vectors.len() {
-                columns_of_product::<S, 8>(simd, &mut vectors[p..], entries, self.x, p);
-                p += 8;
-            }
-            if p + 4 <= vectors.len() {
-                columns_of_product::<S, 4>(simd, &mut vectors[p..], entries, self.x, p);
-                p += 4;
-            }
-            if p + 2 <= vectors.len() {
-                columns_of_product::<S, 2>(simd, &mut vectors[p..], entries, self.x, p);
-                p += 2;
-            }
-            if p < vectors.len() {
-                columns_of_product::<S, 1>(simd, &mut vectors[p..], entries, self.x, p);
-            }
-            let done = self.columns - rest.len();
-            for (j, y) in (done..).zip(rest) {
-                *y = 0.0;
-                for (&i, &value) in entries.0.iter().zip(entries.1) {
-                    *y += value * self.x.row(i as usize)[j];
-                }
-            }
-        }
-    }
-}
-
-/// `P` vectors of columns of one row of a product, from the `p`-th on.
-#[inline(always)]
-fn columns_of_product<S: Simd, const P: usize>(
-    simd: S,
-    out: &mut [S::f64s],
-    (columns, values): (&[u32], &[f64]),
-    x: &Block,
-    p: usize,
-) {
-    let mut sums = [simd.splat_f64s(0.0); P];
-    for (&j, &value) in columns.iter().zip(values) {
-        let value = simd.splat_f64s(value);
-        let row = &S::as_simd_f64s(x.row(j as usize)).0[p..p + P];
-        for (sum, x) in sums.iter_mut().zip(row) {
-            *sum = simd.mul_add_f64s(value, *x, *sum);
-        }
-    }
-    out[..P].copy_from_slice(&sums);
 }
 
 /// Euclidean norms of the columns.

@@ -4,7 +4,8 @@ use faer::Mat;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::block::{Block, column_norms, gram, sparse_product};
+use super::block::{Block, column_norms, gram};
+use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem};
 
 /// Relative gap below which eigenvectors are an arbitrary basis of a common space.

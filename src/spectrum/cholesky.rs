@@ -15,7 +15,7 @@ use faer::{Conj, Mat, Par, Side};
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::substitution::WIDTH;
+use super::substitution::{WIDTH_MAX, WIDTH_MIN};
 use super::{SpectrumError, substitution};
 use crate::operator::Sparse;
 
@@ -25,7 +25,7 @@ const PROBE_MAX: f64 = 1e-6;
 
 /// What a factorisation will cost, known before it is made.
 pub struct Symbolic {
-    symbolic: SymbolicCholesky<u32>,
+    structure: SymbolicCholesky<u32>,
     offsets: Vec<u32>,
     /// The row eliminated k-th.
     order: Vec<u32>,
@@ -50,7 +50,7 @@ impl Symbolic {
             place[row as usize] = k as u32;
         }
         let pattern = SymbolicSparseColMatRef::new_checked(n, n, &offsets, None, matrix.columns());
-        let symbolic = factorize_symbolic_cholesky(
+        let structure = factorize_symbolic_cholesky(
             pattern,
             Side::Lower,
             SymmetricOrdering::Custom(PermRef::new_checked(&order, &place, n)),
@@ -60,14 +60,14 @@ impl Symbolic {
             },
         )
         .map_err(|error| fail(&format!("{error:?}")))?;
-        match symbolic.raw() {
-            SymbolicCholeskyRaw::Supernodal(_) => Ok(Self { symbolic, offsets, order, place }),
+        match structure.raw() {
+            SymbolicCholeskyRaw::Supernodal(_) => Ok(Self { structure, offsets, order, place }),
             SymbolicCholeskyRaw::Simplicial(_) => Err(fail("no supernodes")),
         }
     }
 
     fn supernodes(&self) -> &SymbolicSupernodalCholesky<u32> {
-        match self.symbolic.raw() {
+        match self.structure.raw() {
             SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
             SymbolicCholeskyRaw::Simplicial(_) => unreachable!("refused by the analysis"),
         }
@@ -76,7 +76,7 @@ impl Symbolic {
     /// Entries of the factor.
     #[must_use]
     pub fn factor_entries(&self) -> usize {
-        self.symbolic.len_val()
+        self.structure.len_val()
     }
 
     /// Factors `A + shift·I` for a positive semi-definite `A` of the analysed pattern and `shift > 0`.
@@ -86,10 +86,10 @@ impl Symbolic {
     pub fn factor(&self, matrix: &Sparse, shift: f64) -> Result<Cholesky<'_>, SpectrumError> {
         let values = shifted(matrix, shift);
         let a = SparseColMatRef::new(self.pattern(matrix), &values);
-        let mut factor = vec![0.0; self.symbolic.len_val()];
+        let mut factor = vec![0.0; self.structure.len_val()];
         let mut memory =
-            allocate(self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, faer::Spec::default()))?;
-        self.symbolic
+            allocate(self.structure.factorize_numeric_llt_scratch::<f64>(Par::Seq, faer::Spec::default()))?;
+        self.structure
             .factorize_numeric_llt(
                 &mut factor,
                 a,
@@ -116,10 +116,10 @@ impl Symbolic {
     pub fn eigenvalues_below(&self, matrix: &Sparse, bound: f64) -> Result<Option<usize>, SpectrumError> {
         let values = shifted(matrix, -bound);
         let a = SparseColMatRef::new(self.pattern(matrix), &values);
-        let mut factor = vec![0.0; self.symbolic.len_val()];
+        let mut factor = vec![0.0; self.structure.len_val()];
         let spec = faer::Spec::default();
-        let mut memory = allocate(self.symbolic.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, spec))?;
-        let factored = self.symbolic.factorize_numeric_ldlt(
+        let mut memory = allocate(self.structure.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, spec))?;
+        let factored = self.structure.factorize_numeric_ldlt(
             &mut factor,
             a,
             Side::Lower,
@@ -133,8 +133,8 @@ impl Symbolic {
         }
         let relative = probe(matrix, -bound, |x| {
             let mut column = Mat::from_fn(x.rows(), 1, |i, _| x.row(i)[0]);
-            let mut memory = MemBuffer::new(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-            LdltRef::new(&self.symbolic, &factor).solve_in_place_with_conj(
+            let mut memory = MemBuffer::new(self.structure.solve_in_place_scratch::<f64>(1, Par::Seq));
+            LdltRef::new(&self.structure, &factor).solve_in_place_with_conj(
                 Conj::No,
                 column.as_mut(),
                 Par::Seq,
@@ -202,24 +202,26 @@ impl Cholesky<'_> {
     /// `X ← (A + shift·I)⁻¹ X`, groups of columns in parallel.
     pub fn solve(&self, x: &mut Block) {
         let Symbolic { order, place, .. } = self.symbolic;
-        let groups: Vec<usize> = (0..x.columns()).step_by(WIDTH).collect();
+        // two narrow passes rather than one wide one where they can run side by side
+        let width = if x.columns() > WIDTH_MAX { WIDTH_MAX } else { WIDTH_MIN };
+        let groups: Vec<usize> = (0..x.columns()).step_by(width).collect();
         let source = &*x;
         let solved: Vec<Vec<f64>> = groups
             .par_iter()
             .map(|&first| {
-                let count = WIDTH.min(source.columns() - first);
-                let mut group = vec![0.0; source.rows() * WIDTH];
-                for (row, &i) in group.chunks_exact_mut(WIDTH).zip(order) {
+                let count = width.min(source.columns() - first);
+                let mut group = vec![0.0; source.rows() * width];
+                for (row, &i) in group.chunks_exact_mut(width).zip(order) {
                     row[..count].copy_from_slice(&source.row(i as usize)[first..first + count]);
                 }
-                substitution::solve(self.symbolic.supernodes(), &self.factor, &mut group);
+                substitution::solve(self.symbolic.supernodes(), &self.factor, &mut group, width);
                 group
             })
             .collect();
         x.for_each_row(|i, row| {
             let place = place[i] as usize;
-            for (group, part) in solved.iter().zip(row.chunks_mut(WIDTH)) {
-                part.copy_from_slice(&group[place * WIDTH..][..part.len()]);
+            for (group, part) in solved.iter().zip(row.chunks_mut(width)) {
+                part.copy_from_slice(&group[place * width..][..part.len()]);
             }
         });
     }

@@ -5,9 +5,10 @@
 
 use faer::{Mat, MatRef};
 
-use super::block::{Block, add_product, column_norms, gram, replace_by_product, sparse_product};
+use super::block::{Block, column_norms, gram, replace_by_product};
 use super::cholesky::Cholesky;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_small};
+use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
 
@@ -173,42 +174,4 @@ pub(super) fn new_directions(
     let gained =
         Mat::from_fn(best.nrows(), active.len(), |i, k| if i < columns { 0.0 } else { best[(i, active[k])] });
     orthonormalize_small(gained, best)
-}
-
-/// Smallest Ritz value after a few preconditioned iterations from hashed vectors orthogonal to `found` and the null
-/// space: an eigenvalue that the iteration missed shows up as one below those found.
-///
-/// # Errors
-/// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
-pub fn probe(
-    problem: &Problem,
-    preconditioner: &Preconditioner<'_>,
-    found: &Block,
-    progress: &Progress,
-) -> Result<f64, SpectrumError> {
-    const VECTORS: usize = 8;
-    const STEPS: usize = 4;
-    let mut probe = Block::zeros(problem.size(), VECTORS);
-    super::start::fill(&mut probe, 1 << 20);
-    let mut smallest = f64::INFINITY;
-    let mut product = Block::zeros(problem.size(), VECTORS);
-    for _ in 0..STEPS {
-        progress.checkpoint()?;
-        // −M (1/t − A) x: M/t amplifies what is near the shift, and at the top, where M ≈ t and A ≈ 1/t, nothing is left
-        sparse_product(&mut product, &problem.matrix, &probe);
-        add_product(
-            &mut product,
-            -(1.0 / preconditioner.t),
-            &probe,
-            Mat::<f64>::identity(VECTORS, VECTORS).as_ref(),
-        );
-        preconditioner.apply(&mut product);
-        std::mem::swap(&mut probe, &mut product);
-        problem.project_out_null(&mut probe);
-        orthonormalize(&mut probe, found)?;
-        sparse_product(&mut product, &problem.matrix, &probe);
-        let (values, _) = eigen(gram(&probe, &product).as_ref())?;
-        smallest = values.first().copied().unwrap_or(smallest).min(smallest);
-    }
-    Ok(smallest)
 }

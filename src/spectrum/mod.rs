@@ -13,9 +13,11 @@ pub mod invariant;
 pub mod lobpcg;
 pub mod order;
 pub mod orthogonal;
+mod probe;
 pub mod problem;
 pub mod shift_invert;
 pub mod solver;
+mod sparse_product;
 pub mod start;
 mod substitution;
 

@@ -4,9 +4,10 @@
 
 use faer::Mat;
 
-use super::block::{Block, gram, replace_by_product, sparse_product};
+use super::block::{Block, gram, replace_by_product};
 use super::cholesky::Cholesky;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_knowing};
+use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError, start};
 use crate::progress::Progress;
 

@@ -9,6 +9,7 @@ use super::cholesky::{Cholesky, Symbolic};
 use super::general::GeneralPairs;
 use super::lobpcg::{self, Preconditioner};
 use super::order::nested_dissection;
+use super::probe::{self, Towards};
 use super::{Eigenpairs, Problem, SpectrumError, dense, invariant, shift_invert};
 use crate::operator::{Sparse, Structure};
 use crate::progress::{Phase, Progress};
@@ -25,8 +26,12 @@ pub const DENSE_POINTS_MAX: usize = 5_000;
 /// The same for operators without symmetry, which take 25 n³ operations.
 pub const DENSE_POINTS_MAX_GENERAL: usize = 1_500;
 
-/// Entries of the factor, per row, up to which a wide operator is factored too.
-const DIRECT_ENTRIES_PER_ROW: usize = 320;
+/// Entries of the factor, per row and in all (1.3 GB), up to which a wide operator is factored too.
+const DIRECT_ENTRIES_PER_ROW: usize = 600;
+const DIRECT_ENTRIES: usize = 160_000_000;
+
+/// Entries of the factor, per row, up to which a second factorisation counts the eigenvalues below a bound.
+const INERTIA_ENTRIES_PER_ROW: usize = 200;
 
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
 const GUARD_MIN: usize = 12;
@@ -109,7 +114,7 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
         None => Some(analyze(&problem.matrix, request)?),
         Some(_) if problem.matrix.nonzeros() / n > 200 => None,
         Some(_) => Some(analyze(&problem.matrix, request)?)
-            .filter(|s| s.factor_entries() / n <= DIRECT_ENTRIES_PER_ROW),
+            .filter(|s| s.factor_entries() <= DIRECT_ENTRIES.min(n * DIRECT_ENTRIES_PER_ROW)),
     };
     match (direct, request.narrow) {
         (Some(symbolic), _) => direct_solve(problem, &symbolic, request, progress),
@@ -138,9 +143,13 @@ fn direct_solve<P>(
     // one more, so that the count below is taken in a gap
     let found = (wanted + 1).min(problem.size() - problem.zero_modes());
     let mut pairs = shift_invert::solve(problem, &factor, found, request.tolerance, progress, |share| share)?;
-    drop(factor);
     progress.enter(Phase::Certificates)?;
-    let missed = missed_by_inertia(problem, symbolic, &pairs.values)?;
+    let missed = if symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size() {
+        drop(factor);
+        missed_by_inertia(problem, symbolic, &pairs.values)?
+    } else {
+        missed_by_probe(problem, &Towards::Inverse(&factor), &pairs, wanted, progress)?
+    };
     pairs.values.truncate(wanted);
     let pairs = with_null_space(problem, Some(&pairs), request.count);
     Ok(certified(problem, pairs, request, Method::ShiftInvert, missed))
@@ -186,7 +195,8 @@ fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
             0.3 + 0.7 * share
         })?;
     progress.enter(Phase::Certificates)?;
-    let missed = missed_by_probe(problem, &preconditioner, &pairs, wanted, progress)?;
+    let missed =
+        missed_by_probe(problem, &Towards::Preconditioned(&preconditioner), &pairs, wanted, progress)?;
     pairs.values.truncate(wanted);
     let pairs = with_null_space(problem, Some(&pairs), request.count);
     Ok(certified(problem, pairs, request, Method::Lobpcg, missed))
@@ -261,12 +271,12 @@ fn narrow_vectors(
 
 fn missed_by_probe(
     problem: &Problem,
-    preconditioner: &Preconditioner<'_>,
+    towards: &Towards<'_>,
     pairs: &Eigenpairs,
     wanted: usize,
     progress: &Progress,
 ) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
-    let smallest = lobpcg::probe(problem, preconditioner, &pairs.vectors, progress)?;
+    let smallest = probe::smallest_beside(problem, towards, &pairs.vectors, progress)?;
     let last = pairs.values[wanted - 1];
     Ok((Some(usize::from(smallest < last)), MissedCheck::Probe))
 }

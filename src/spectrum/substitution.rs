@@ -3,24 +3,34 @@
 //! Most supernodes of a surface's operator have a few columns, where the calls of a dense library cost more than their
 //! arithmetic. Here the right-hand sides lie side by side, and the factor is read once for all of them.
 
+#![expect(clippy::inline_always, reason = "functions of another instruction set are not inlined otherwise")]
+
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Right-hand sides of one pass.
-pub(super) const WIDTH: usize = 16;
+/// Most right-hand sides of one pass: the more, the fewer readings of the factor, as long as they stay in cache.
+pub(super) const WIDTH_MAX: usize = 16;
+
+/// Widths are multiples of this, the longest vector of any processor.
+pub(super) const WIDTH_MIN: usize = 8;
 
 /// Columns of a supernode that are eliminated before the rest of it is brought up to date.
 const STRETCH: usize = 16;
 
-/// `X ← (L Lᵀ)⁻¹ X` for the factor with these values; `x` has [`WIDTH`] numbers for every row, in elimination order.
-pub(super) fn solve(symbolic: &SymbolicSupernodalCholesky<u32>, factor: &[f64], x: &mut [f64]) {
-    Arch::new().dispatch(Substitution { symbolic, factor, x });
+/// `X ← (L Lᵀ)⁻¹ X` for the factor with these values; `x` has `width` numbers for every row, in elimination order.
+///
+/// # Panics
+/// Unless `width` is [`WIDTH_MIN`] or [`WIDTH_MAX`].
+pub(super) fn solve(symbolic: &SymbolicSupernodalCholesky<u32>, factor: &[f64], x: &mut [f64], width: usize) {
+    assert!([WIDTH_MIN, WIDTH_MAX].contains(&width), "{width} right-hand sides are no whole vectors");
+    Arch::new().dispatch(Substitution { symbolic, factor, x, width });
 }
 
 struct Substitution<'a> {
     symbolic: &'a SymbolicSupernodalCholesky<u32>,
     factor: &'a [f64],
     x: &'a mut [f64],
+    width: usize,
 }
 
 impl WithSimd for Substitution<'_> {
@@ -28,8 +38,12 @@ impl WithSimd for Substitution<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // as many sums as hide the latency of an addition, and fit the registers
-        if vectors::<S>() == 1 { self.tiled::<S, 8, 1>(simd) } else { self.tiled::<S, 4, 2>(simd) }
+        // as many sums as hide the latency of an addition, and fit the registers: 32 with the longest vectors, else 16
+        match (S::F64_LANES, self.width / S::F64_LANES) {
+            (_, 1) => self.tiled::<S, 8, 1>(simd),
+            (8, _) => self.tiled::<S, 8, 2>(simd),
+            _ => self.tiled::<S, 4, 2>(simd),
+        }
     }
 }
 
@@ -38,14 +52,22 @@ impl Substitution<'_> {
     #[inline(always)]
     fn tiled<S: Simd, const TILE: usize, const PANEL: usize>(self, simd: S) {
         let (x, _) = S::as_mut_simd_f64s(self.x);
+        let lanes = Lanes { simd, v: self.width / S::F64_LANES };
         let nodes = self.symbolic.n_supernodes();
         for s in 0..nodes {
-            forward::<S, TILE, PANEL>(simd, &Supernode::of(self.symbolic, self.factor, s), x);
+            forward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor, s), x);
         }
         for s in (0..nodes).rev() {
-            backward::<S, TILE, PANEL>(simd, &Supernode::of(self.symbolic, self.factor, s), x);
+            backward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor, s), x);
         }
     }
+}
+
+/// The instruction set, and how many of its vectors make a row of right-hand sides.
+#[derive(Clone, Copy)]
+struct Lanes<S> {
+    simd: S,
+    v: usize,
 }
 
 /// Some consecutive columns of the factor that share the rows of their entries.
@@ -85,14 +107,14 @@ impl<'a> Supernode<'a> {
     }
 }
 
-const fn vectors<S: Simd>() -> usize {
-    WIDTH / S::F64_LANES
-}
-
 /// Eliminates the columns of a supernode from the rows after them.
 #[inline(always)]
-fn forward<S: Simd, const TILE: usize, const PANEL: usize>(simd: S, node: &Supernode<'_>, x: &mut [S::f64s]) {
-    let v = vectors::<S>();
+fn forward<S: Simd, const TILE: usize, const PANEL: usize>(
+    lanes: Lanes<S>,
+    node: &Supernode<'_>,
+    x: &mut [S::f64s],
+) {
+    let Lanes { simd, v } = lanes;
     let (head, below) = x.split_at_mut(node.end() * v);
     let own = &mut head[node.start * v..];
     for first in (0..node.width).step_by(STRETCH) {
@@ -113,10 +135,26 @@ fn forward<S: Simd, const TILE: usize, const PANEL: usize>(simd: S, node: &Super
             }
         }
         let (solved, rest) = own.split_at_mut(end * v);
-        subtract::<S, TILE, PANEL>(simd, node, first..end, &solved[first * v..], end..node.width, rest, |i| i - end);
+        subtract::<S, TILE, PANEL>(
+            lanes,
+            node,
+            first..end,
+            &solved[first * v..],
+            end..node.width,
+            rest,
+            |i| i - end,
+        );
     }
     let places = |i: usize| node.below[i - node.width] as usize - node.end();
-    subtract::<S, TILE, PANEL>(simd, node, 0..node.width, own, node.width..node.width + node.below.len(), below, places);
+    subtract::<S, TILE, PANEL>(
+        lanes,
+        node,
+        0..node.width,
+        own,
+        node.width..node.width + node.below.len(),
+        below,
+        places,
+    );
 }
 
 /// `sum += l x`.
@@ -131,7 +169,7 @@ fn add<S: Simd, const PANEL: usize>(simd: S, sum: &mut [S::f64s; PANEL], l: f64,
 /// `target[place(i)] −= Σ L[i, k] · solved[k]` over the columns `columns`, for the rows `rows` of a supernode.
 #[inline(always)]
 fn subtract<S: Simd, const TILE: usize, const PANEL: usize>(
-    simd: S,
+    lanes: Lanes<S>,
     node: &Supernode<'_>,
     columns: std::ops::Range<usize>,
     solved: &[S::f64s],
@@ -139,7 +177,7 @@ fn subtract<S: Simd, const TILE: usize, const PANEL: usize>(
     target: &mut [S::f64s],
     place: impl Fn(usize) -> usize,
 ) {
-    let v = vectors::<S>();
+    let Lanes { simd, v } = lanes;
     let mut i = rows.start;
     while i + TILE <= rows.end {
         for panel in (0..v).step_by(PANEL) {
@@ -173,17 +211,31 @@ fn subtract<S: Simd, const TILE: usize, const PANEL: usize>(
 
 /// Solves for the rows of a supernode, given those after them.
 #[inline(always)]
-fn backward<S: Simd, const TILE: usize, const PANEL: usize>(simd: S, node: &Supernode<'_>, x: &mut [S::f64s]) {
-    let v = vectors::<S>();
+fn backward<S: Simd, const TILE: usize, const PANEL: usize>(
+    lanes: Lanes<S>,
+    node: &Supernode<'_>,
+    x: &mut [S::f64s],
+) {
+    let Lanes { simd, v } = lanes;
     let (head, below) = x.split_at_mut(node.end() * v);
     let own = &mut head[node.start * v..];
     let places = |i: usize| node.below[i - node.width] as usize - node.end();
-    subtract_transposed::<S, TILE, PANEL>(simd, node, 0..node.width, own, node.width..node.width + node.below.len(), below, places);
+    subtract_transposed::<S, TILE, PANEL>(
+        lanes,
+        node,
+        0..node.width,
+        own,
+        node.width..node.width + node.below.len(),
+        below,
+        places,
+    );
     for first in (0..node.width).step_by(STRETCH).rev() {
         let end = node.width.min(first + STRETCH);
         let (part, solved) = own.split_at_mut(end * v);
         let part = &mut part[first * v..];
-        subtract_transposed::<S, TILE, PANEL>(simd, node, first..end, part, end..node.width, solved, |i| i - end);
+        subtract_transposed::<S, TILE, PANEL>(lanes, node, first..end, part, end..node.width, solved, |i| {
+            i - end
+        });
         for j in (first..end).rev() {
             let column = node.column(j);
             let (before, solved) = part.split_at_mut((j + 1 - first) * v);
@@ -205,7 +257,7 @@ fn backward<S: Simd, const TILE: usize, const PANEL: usize>(simd: S, node: &Supe
 /// `target[k] −= Σ L[i, k] · solved[place(i)]` over the rows `rows`, for the columns `columns` of a supernode.
 #[inline(always)]
 fn subtract_transposed<S: Simd, const TILE: usize, const PANEL: usize>(
-    simd: S,
+    lanes: Lanes<S>,
     node: &Supernode<'_>,
     columns: std::ops::Range<usize>,
     target: &mut [S::f64s],
@@ -213,7 +265,7 @@ fn subtract_transposed<S: Simd, const TILE: usize, const PANEL: usize>(
     solved: &[S::f64s],
     place: impl Fn(usize) -> usize,
 ) {
-    let v = vectors::<S>();
+    let Lanes { simd, v } = lanes;
     let mut tiles = target.chunks_exact_mut(TILE * v);
     let mut k = columns.start;
     for tile in &mut tiles {
@@ -244,6 +296,49 @@ fn subtract_transposed<S: Simd, const TILE: usize, const PANEL: usize>(
                 add(simd, &mut sum, -l, &solved[place(i) * v + panel..][..PANEL]);
             }
             row.copy_from_slice(&sum);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::operator::Sparse;
+    use crate::spectrum::block::Block;
+    use crate::spectrum::cholesky::Symbolic;
+    use crate::spectrum::sparse_product::sparse_product;
+    use crate::spectrum::start;
+
+    /// Every point of a ring coupled to the next `reach`: with few points and many couplings one supernode of many
+    /// columns, otherwise many narrow ones.
+    fn ring(n: usize, reach: usize) -> Sparse {
+        let weights = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| {
+            row.extend((1..=reach).flat_map(|d| [(i + d) % n, (i + n - d) % n]).map(|j| (j as u32, 1.0)));
+            row.sort_unstable_by_key(|&(j, _)| j);
+            row.dedup_by_key(|(j, _)| *j);
+        };
+        Sparse::stiffness(n, || (), weights, |_| Ok::<_, std::convert::Infallible>(())).unwrap()
+    }
+
+    #[test]
+    fn solutions_satisfy_their_equations_for_any_number_of_right_hand_sides() {
+        for (n, reach) in [(5, 1), (40, 19), (123, 30), (700, 2), (700, 45)] {
+            let matrix = ring(n, reach);
+            let symbolic = Symbolic::analyze(&matrix, (0..n as u32).rev().collect()).unwrap();
+            let factor = symbolic.factor(&matrix, 0.5).unwrap();
+            for columns in [1, 8, 13, 16, 17, 40] {
+                let mut b = Block::zeros(n, columns);
+                start::fill(&mut b, 0);
+                let mut x = b.clone();
+                factor.solve(&mut x);
+                let mut product = Block::zeros(n, columns);
+                sparse_product(&mut product, &matrix, &x);
+                for i in 0..n {
+                    for j in 0..columns {
+                        let found = product.row(i)[j] + 0.5 * x.row(i)[j];
+                        assert!((found - b.row(i)[j]).abs() < 1e-11, "{n} {reach} {columns}: {i} {j}");
+                    }
+                }
+            }
         }
     }
 }
