@@ -6,6 +6,7 @@ mod pcd;
 mod pcd_areas;
 mod point_based;
 mod point_based_bases;
+mod point_based_features;
 mod point_based_rims;
 mod point_based_times;
 mod samples;
@@ -69,6 +70,8 @@ const EXPERIMENTS: &[Experiment] = &[
     Experiment { name: "pbmhb-figure-5", run: point_based::figure_5 },
     Experiment { name: "pbmhb-figure-7", run: point_based_bases::figure_7 },
     Experiment { name: "pbmhb-figure-8", run: point_based_bases::figure_8 },
+    Experiment { name: "pbmhb-figure-10", run: point_based_features::figure_10 },
+    Experiment { name: "pbmhb-figure-11", run: point_based_features::figure_11 },
     Experiment { name: "pbmhb-figure-12", run: point_based_rims::figure_12 },
     Experiment { name: "pbmhb-figure-13", run: point_based_rims::figure_13 },
     Experiment { name: "pcd-table-2", run: pcd::table_2 },
