@@ -4,7 +4,7 @@
 
 use faer::Mat;
 
-use super::block::{Block, gram, replace_by_product};
+use super::block::{Block, add_product, gram, replace_by_product};
 use super::cholesky::Cholesky;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_knowing};
 use super::sparse_product::sparse_product;
@@ -30,7 +30,8 @@ struct Krylov {
     last: std::ops::Range<usize>,
 }
 
-/// The `count` smallest non-zero eigenpairs to a relative residual of `tolerance`.
+/// The `count` smallest non-zero eigenpairs to a relative residual of `tolerance`, among those orthogonal to the
+/// eigenvectors `beside`.
 ///
 /// `share` maps the iteration's own share of the work to progress.
 ///
@@ -39,13 +40,15 @@ struct Krylov {
 pub fn solve(
     problem: &Problem,
     factor: &Cholesky<'_>,
+    beside: &Block,
     count: usize,
     tolerance: f64,
     progress: &Progress,
     share: impl Fn(f64) -> f64,
 ) -> Result<Eigenpairs, SpectrumError> {
     let n = problem.size();
-    let room = (2 * count + 3 * BLOCK).max(count + 8 * BLOCK).min(n - problem.zero_modes());
+    let complement = Complement { problem, beside };
+    let room = (2 * count + 3 * BLOCK).max(count + 8 * BLOCK).min(complement.dimension());
     let mut krylov = Krylov {
         basis: Block::zeros(n, room + BLOCK),
         processed: 0,
@@ -55,7 +58,7 @@ pub fn solve(
     };
     let mut work = Block::zeros(n, BLOCK);
     let mut hashed = 0;
-    fresh_block(problem, &mut krylov, &mut work, &mut hashed)?;
+    fresh_block(&complement, &mut krylov, &mut work, &mut hashed)?;
     let mut worst = f64::INFINITY;
     let steps_expected = room.div_ceil(BLOCK) as f64;
     let mut steps = 0;
@@ -63,20 +66,20 @@ pub fn solve(
         while krylov.processed + BLOCK <= room || krylov.processed < count {
             progress.advance(share(1.0 - (-(f64::from(steps)) / steps_expected).exp()))?;
             steps += 1;
-            expand(problem, factor, &mut krylov, &mut work)?;
+            expand(&complement, factor, &mut krylov, &mut work)?;
             if krylov.rest.nrows() == 0 {
                 // an invariant space: whatever else there is needs a new direction
-                if krylov.processed >= n - problem.zero_modes() {
-                    return finish(problem, factor, krylov, count, progress);
+                if krylov.processed >= complement.dimension() {
+                    return finish(&complement, factor, krylov, count, progress);
                 }
-                fresh_block(problem, &mut krylov, &mut work, &mut hashed)?;
+                fresh_block(&complement, &mut krylov, &mut work, &mut hashed)?;
             }
             if krylov.processed >= count + BLOCK / 2 || krylov.processed + BLOCK > room {
                 let (values, vectors) = ritz(&krylov)?;
                 worst = worst_residual(&krylov, &values, &vectors, count);
                 // the last inverse iteration and Rayleigh–Ritz step only improve on this
                 if worst <= 0.3 * tolerance {
-                    return finish(problem, factor, krylov, count, progress);
+                    return finish(&complement, factor, krylov, count, progress);
                 }
             }
         }
@@ -86,18 +89,38 @@ pub fn solve(
     Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: steps as usize })
 }
 
+/// Where eigenvectors are looked for: orthogonal to the null space and to those that are known.
+struct Complement<'a> {
+    problem: &'a Problem,
+    beside: &'a Block,
+}
+
+impl Complement<'_> {
+    fn dimension(&self) -> usize {
+        self.problem.size() - self.problem.zero_modes() - self.beside.columns()
+    }
+
+    fn project(&self, block: &mut Block) {
+        self.problem.project_out_null(block);
+        if self.beside.columns() > 0 {
+            let along = gram(self.beside, block);
+            add_product(block, -1.0, self.beside, along.as_ref());
+        }
+    }
+}
+
 /// Appends a block of hashed numbers, orthogonal to everything so far.
 fn fresh_block(
-    problem: &Problem,
+    complement: &Complement<'_>,
     krylov: &mut Krylov,
     work: &mut Block,
     hashed: &mut usize,
 ) -> Result<(), SpectrumError> {
-    let room = problem.size() - problem.zero_modes() - krylov.processed;
+    let room = complement.dimension() - krylov.processed;
     work.set_columns(BLOCK.min(room));
-    start::fill(work, *hashed);
+    start::fill(work, complement.beside.columns() + *hashed);
     *hashed += BLOCK;
-    problem.project_out_null(work);
+    complement.project(work);
     krylov.basis.set_columns(krylov.processed);
     orthonormalize(work, &krylov.basis)?;
     append(krylov, work);
@@ -111,7 +134,7 @@ fn append(krylov: &mut Krylov, work: &Block) {
 
 /// Multiplies the next block and orthogonalises the product.
 fn expand(
-    problem: &Problem,
+    complement: &Complement<'_>,
     factor: &Cholesky<'_>,
     krylov: &mut Krylov,
     work: &mut Block,
@@ -120,7 +143,7 @@ fn expand(
     work.set_columns(end - first);
     work.copy_columns(0, &krylov.basis, first, end - first);
     factor.solve(work);
-    problem.project_out_null(work);
+    complement.project(work);
     // a Lanczos product overlaps with its own block and the one before; after a restart, with all
     let taken = orthonormalize_knowing(work, &krylov.basis, krylov.last.start)?;
     for j in first..end {
@@ -134,7 +157,7 @@ fn expand(
     krylov.rest = taken.rest;
     // what rounding leaves of an exhausted space is no direction
     let scale = krylov.projected[(0, 0)].abs();
-    if krylov.rest.norm_max() < 1e-14 * scale || end == problem.size() - problem.zero_modes() {
+    if krylov.rest.norm_max() < 1e-14 * scale || end == complement.dimension() {
         krylov.rest = Mat::zeros(0, 0);
     } else {
         append(krylov, work);
@@ -186,7 +209,7 @@ fn restart(krylov: &mut Krylov, keep: usize) -> Result<(), SpectrumError> {
 /// One inverse iteration on the Ritz vectors, then Rayleigh–Ritz with `A` itself: what the inverse cannot see, the
 /// fine scales, is gone, and the values are those of `A`.
 fn finish(
-    problem: &Problem,
+    complement: &Complement<'_>,
     factor: &Cholesky<'_>,
     mut krylov: Krylov,
     count: usize,
@@ -197,13 +220,13 @@ fn finish(
     krylov.basis.set_columns(krylov.processed);
     let wanted = vectors.as_ref().subcols(0, count);
     replace_by_product(&mut krylov.basis, wanted);
-    let mut pairs = Block::zeros(problem.size(), count);
+    let mut pairs = Block::zeros(complement.problem.size(), count);
     pairs.copy_columns(0, &krylov.basis, 0, count);
     drop(krylov);
     factor.solve(&mut pairs);
     progress.checkpoint()?;
-    problem.project_out_null(&mut pairs);
-    rayleigh_ritz(problem, pairs)
+    complement.project(&mut pairs);
+    rayleigh_ritz(complement.problem, pairs)
 }
 
 /// Ritz pairs of `A` in the span of `vectors`, ascending.
@@ -256,7 +279,8 @@ mod tests {
         let order: Vec<u32> = (0..(side * side) as u32).collect();
         let symbolic = Symbolic::analyze(&problem.matrix, order).unwrap();
         let factor = symbolic.factor(&problem.matrix, problem.shift).unwrap();
-        let pairs = solve(&problem, &factor, 40, 1e-8, &Progress::new(), |share| share).unwrap();
+        let none = Block::zeros(problem.size(), 0);
+        let pairs = solve(&problem, &factor, &none, 40, 1e-8, &Progress::new(), |share| share).unwrap();
         let path = |a: usize| 4.0 * (std::f64::consts::PI * a as f64 / (2.0 * side as f64)).sin().powi(2);
         let mut exact: Vec<f64> = (0..side).flat_map(|a| (0..side).map(move |b| path(a) + path(b))).collect();
         exact.sort_by(f64::total_cmp);

@@ -33,6 +33,9 @@ const DIRECT_ENTRIES: usize = 160_000_000;
 /// Entries of the factor, per row, up to which a second factorisation counts the eigenvalues below a bound.
 const INERTIA_ENTRIES_PER_ROW: usize = 200;
 
+/// Searches for eigenvalues that were missed, before the answer says that some are.
+const SEARCHES_MAX: u32 = 30;
+
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
 const GUARD_MIN: usize = 12;
 const GUARD_SHARE: f64 = 0.2;
@@ -142,17 +145,52 @@ fn direct_solve<P>(
     let wanted = request.count - problem.zero_modes();
     // one more, so that the count below is taken in a gap
     let found = (wanted + 1).min(problem.size() - problem.zero_modes());
-    let mut pairs = shift_invert::solve(problem, &factor, found, request.tolerance, progress, |share| share)?;
+    let none = Block::zeros(problem.size(), 0);
+    let mut pairs =
+        shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, |share| share)?;
     progress.enter(Phase::Certificates)?;
-    let missed = if symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size() {
-        drop(factor);
-        missed_by_inertia(problem, symbolic, &pairs.values)?
-    } else {
-        missed_by_probe(problem, &Towards::Inverse(&factor), &pairs, wanted, progress)?
+    let counts = symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size();
+    let mut searches = 0;
+    let missed = loop {
+        let missed = if counts {
+            missed_by_inertia(problem, symbolic, &pairs.values)?
+        } else {
+            missed_by_probe(problem, &Towards::Inverse(&factor), &pairs, wanted, progress)?
+        };
+        searches += 1;
+        match missed.0 {
+            Some(more) if more > 0 && searches <= SEARCHES_MAX => {
+                progress.advance(f64::from(searches) / f64::from(SEARCHES_MAX + 1))?;
+                pairs = with_missed(problem, &factor, pairs, more, request.tolerance, progress)?;
+                pairs.truncate(found);
+            }
+            _ => break missed,
+        }
     };
     pairs.values.truncate(wanted);
     let pairs = with_null_space(problem, Some(&pairs), request.count);
     Ok(certified(problem, pairs, request, Method::ShiftInvert, missed))
+}
+
+/// The pairs with `more` others, searched for in the space that they leave: blocks find so many of a multiple eigenvalue
+/// at a time.
+fn with_missed(
+    problem: &Problem,
+    factor: &Cholesky<'_>,
+    pairs: Eigenpairs,
+    more: usize,
+    tolerance: f64,
+    progress: &Progress,
+) -> Result<Eigenpairs, SpectrumError> {
+    let known = pairs.vectors.columns();
+    let more = more.min(problem.size() - problem.zero_modes() - known);
+    let others = shift_invert::solve(problem, factor, &pairs.vectors, more, tolerance, progress, |_| 0.0)?;
+    let mut all = Block::zeros(problem.size(), known + more);
+    all.copy_columns(0, &pairs.vectors, 0, known);
+    drop(pairs);
+    all.copy_columns(known, &others.vectors, 0, more);
+    drop(others);
+    shift_invert::rayleigh_ritz(problem, all)
 }
 
 /// Counts the eigenvalues below the widest gap near the end of the found ones.
@@ -265,7 +303,9 @@ fn narrow_vectors(
     progress: &Progress,
 ) -> Result<Block, SpectrumError> {
     let narrow = problem.with_matrix(narrow.clone());
-    let pairs = shift_invert::solve(&narrow, factor, count, START_TOLERANCE, progress, |share| 0.3 * share)?;
+    let none = Block::zeros(narrow.size(), 0);
+    let pairs =
+        shift_invert::solve(&narrow, factor, &none, count, START_TOLERANCE, progress, |share| 0.3 * share)?;
     Ok(pairs.vectors)
 }
 

@@ -9,6 +9,7 @@ mod folds;
 mod harmonics;
 mod invariances;
 mod operators;
+mod robustness;
 mod scans;
 
 use chladni::analysis::{Analysis, JobKind, Parameters, analyze};
