@@ -4,9 +4,11 @@
 
 mod harmonics;
 mod jobs;
+mod limits;
 mod listing;
 mod openapi;
 mod operators;
+mod owners;
 mod requests;
 mod results;
 mod service;
