@@ -103,7 +103,7 @@ async fn a_job_over_the_memory_budget_is_refused_with_need_and_budget() {
 }
 
 #[tokio::test]
-async fn a_disk_that_is_too_full_takes_nothing_and_is_not_ready() {
+async fn a_disk_that_is_too_full_takes_nothing_and_gives_what_it_has() {
     let service = Service::with_settings(|settings| settings.disk_floor = u64::MAX).await;
     let refused = service.post("/clouds?analyze=false", file(&sphere(100), Format::Ply)).await;
     problem(refused, StatusCode::INSUFFICIENT_STORAGE, "storage-full").await;

@@ -7,6 +7,7 @@ mod jobs;
 mod limits;
 mod listing;
 mod openapi;
+mod operation;
 mod operators;
 mod owners;
 mod requests;
