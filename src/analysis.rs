@@ -2,11 +2,13 @@
 
 mod assembly;
 mod error;
+mod memory;
 mod parameters;
 mod report;
 mod result;
 
 pub use error::AnalysisError;
+pub use memory::memory_estimate;
 pub use parameters::{Additions, JobKind, Parameters};
 pub use report::Report;
 pub use result::{Analysis, SparseMatrix};

@@ -1,6 +1,9 @@
 //! The running service: database, workers and listener, started and stopped in order.
 
+mod backup;
 mod listener;
+mod machine;
+mod secret;
 mod settings;
 
 use std::net::SocketAddr;
@@ -12,11 +15,14 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
+pub use backup::backup;
+pub use secret::Secret;
 pub use settings::Settings;
 
-use crate::http::{self, Keys, Service};
-use crate::jobs::{Analyze, Compute, ComputeError, Jobs, analyses};
-use crate::store::{Store, StoreError, StoreSettings};
+use crate::http::{self, Keys, KeysError, Service};
+use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, analyses};
+use crate::metrics::Metrics;
+use crate::store::{Store, StoreError};
 
 /// Why the service did not start.
 #[derive(Debug, thiserror::Error)]
@@ -35,14 +41,17 @@ pub enum StartError {
         /// What the system says.
         cause: std::io::Error,
     },
-    /// The file of keys cannot be used.
-    #[error("the file of API keys, {path}: {reason}")]
-    Keys {
+    /// The file of keys cannot be read.
+    #[error("the file of API keys, {path}: {cause}")]
+    KeyFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
+        /// What the system says.
+        cause: std::io::Error,
     },
+    /// The keys, those of the file first, cannot be used.
+    #[error("the API keys: {0}")]
+    Keys(#[from] KeysError),
     /// The database cannot be used.
     #[error("the database, {path}: {cause}")]
     Database {
@@ -90,22 +99,19 @@ impl App {
         let store = open_store(&settings).await?;
         let stopping = CancellationToken::new();
         let threads = |error: ComputeError| StartError::Threads(error.to_string());
-        let computing = Compute::new("compute", settings.threads()).map_err(threads)?;
+        let computing = Compute::in_background("compute", settings.threads()).map_err(threads)?;
         let compute = Compute::new("read", settings.threads()).map_err(threads)?;
-        let jobs = Jobs::start(store.clone(), computing, analyze, settings.jobs()).await;
+        let metrics = Arc::new(Metrics::default());
+        let jobs_settings = JobsSettings { metrics: Arc::clone(&metrics), ..settings.jobs() };
+        let jobs = Jobs::start(store.clone(), computing, analyze, jobs_settings).await;
         let jobs = Arc::new(jobs.map_err(|cause| unusable_database(&settings, cause))?);
-        let service = Service {
-            store: store.clone(),
-            compute,
-            jobs: Arc::clone(&jobs),
-            limits: settings.limits(),
-            keys,
-            stopping: stopping.clone(),
-        };
+        let limits = settings.limits();
+        let service =
+            Service::new(store.clone(), compute, Arc::clone(&jobs), limits, keys, metrics, stopping.clone());
         let serving =
             listener::serve(listener, http::router(service), settings.connections(), stopping.clone());
         let listening = tokio::spawn(serving);
-        tracing::info!(%address, database = %settings.database.display(), "listening");
+        tracing::info!(%address, "listening");
         Ok(Self { address, stopping, listening, jobs, store, grace: settings.grace() })
     }
 
@@ -130,8 +136,7 @@ impl App {
 }
 
 async fn open_store(settings: &Settings) -> Result<Store, StartError> {
-    let store_settings = StoreSettings { queue_max: settings.queue_max, ..StoreSettings::default() };
-    Store::open_with(&settings.database, store_settings)
+    Store::open_with(&settings.database, settings.store())
         .await
         .map_err(|cause| unusable_database(settings, cause))
 }
@@ -141,10 +146,19 @@ fn unusable_database(settings: &Settings, cause: StoreError) -> StartError {
 }
 
 fn read_keys(settings: &Settings) -> Result<Option<Keys>, StartError> {
-    let Some(path) = &settings.api_keys else { return Ok(None) };
-    let unusable = |reason: String| StartError::Keys { path: path.clone(), reason };
-    let text = std::fs::read_to_string(path).map_err(|error| unusable(error.to_string()))?;
-    Keys::parse(&text).map(Some).ok_or_else(|| unusable("there is no key in it".to_owned()))
+    if settings.api_keys.is_none() && settings.keys.is_none() {
+        return Ok(None);
+    }
+    let mut keys = String::new();
+    if let Some(path) = &settings.api_keys {
+        let unreadable = |cause| StartError::KeyFile { path: path.clone(), cause };
+        keys = std::fs::read_to_string(path).map_err(unreadable)?;
+    }
+    if let Some(more) = &settings.keys {
+        keys.push('\n');
+        keys.push_str(more.reveal());
+    }
+    Ok(Some(Keys::parse(&keys)?))
 }
 
 /// Returns at the first SIGTERM or Ctrl-C.

@@ -1,6 +1,7 @@
 //! Reads the command line and runs a command. Without one, the service is started.
 
 mod analyze;
+mod backup;
 mod demo;
 mod harmonics;
 mod health;
@@ -51,6 +52,8 @@ enum Command {
     Sample(sample::SampleArgs),
     /// Reproduce the tables and figures of the papers and compare
     Reproduce(reproduce::ReproduceArgs),
+    /// Copy the database into a new file while the service goes on
+    Backup(backup::BackupArgs),
     /// Ask a running service whether it is alive; exits 0 if so
     Health(health::HealthArgs),
 }
@@ -89,6 +92,7 @@ pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse_from(with_command(std::env::args_os().collect()));
     let result = match cli.command {
         Command::Serve(args) => block_on(serve::run(args)),
+        Command::Backup(args) => backup::run(&args),
         Command::Demo(args) => block_on(demo::run(args)),
         Command::Analyze(args) => analyze::run(&args),
         Command::Filter(args) => harmonics::filter(&args),

@@ -11,6 +11,7 @@ pub mod geometry;
 pub mod harmonics;
 pub mod http;
 pub mod jobs;
+pub mod metrics;
 pub mod operator;
 pub mod progress;
 pub mod spectrum;

@@ -6,8 +6,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every room with the rooms that it may import from. A room stands below those that it is named in.
-const ROOMS: [(&str, &[&str]); 12] = [
+const ROOMS: [(&str, &[&str]); 13] = [
     ("progress", &[]),
+    ("metrics", &[]),
     ("cloud", &["progress"]),
     ("geometry", &["cloud", "progress"]),
     ("operator", &["geometry", "cloud", "progress"]),
@@ -15,12 +16,23 @@ const ROOMS: [(&str, &[&str]); 12] = [
     ("harmonics", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("analysis", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("store", &["analysis", "spectrum", "operator", "cloud", "progress"]),
-    ("jobs", &["store", "harmonics", "analysis", "spectrum", "operator", "cloud", "progress"]),
+    ("jobs", &["metrics", "store", "harmonics", "analysis", "spectrum", "operator", "cloud", "progress"]),
     (
         "http",
-        &["jobs", "store", "harmonics", "analysis", "spectrum", "operator", "geometry", "cloud", "progress"],
+        &[
+            "metrics",
+            "jobs",
+            "store",
+            "harmonics",
+            "analysis",
+            "spectrum",
+            "operator",
+            "geometry",
+            "cloud",
+            "progress",
+        ],
     ),
-    ("app", &["http", "jobs", "store", "analysis", "cloud", "progress"]),
+    ("app", &["metrics", "http", "jobs", "store", "analysis", "cloud", "progress"]),
     ("cli", &["app", "harmonics", "analysis", "operator", "cloud", "progress"]),
 ];
 

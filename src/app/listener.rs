@@ -2,6 +2,7 @@
 //!
 //! `axum::serve` sets no timer, so a client that sends half a head would hold its connection for ever.
 
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,6 +14,7 @@ use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
+use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
 
 /// Bytes of a request's head, at most.
@@ -27,6 +29,8 @@ pub(crate) struct Connections {
     pub at_once: usize,
     /// Time for a request's head.
     pub header: Duration,
+    /// Time without a byte of an answer taken.
+    pub stall: Duration,
     /// Time for answers to end at a stop.
     pub grace: Duration,
 }
@@ -57,7 +61,7 @@ pub(crate) async fn serve(
             },
             () = stopping.cancelled() => break,
         };
-        let connection = graceful.watcher().watch(connection(stream, router.clone(), limits.header));
+        let connection = graceful.watcher().watch(connection(stream, router.clone(), limits));
         open.spawn(async move {
             if let Err(error) = connection.await {
                 tracing::debug!(%error, "connection ended early");
@@ -73,18 +77,24 @@ pub(crate) async fn serve(
     open.shutdown().await;
 }
 
+/// A stream whose writes are given up after a time.
+type Bounded = Pin<Box<TimeoutStream<TcpStream>>>;
+
 /// A connection of HTTP/1.1.
 fn connection(
     stream: TcpStream,
     router: Router,
-    header: Duration,
-) -> http1::Connection<TokioIo<TcpStream>, TowerToHyperService<Router>> {
+    limits: Connections,
+) -> http1::Connection<TokioIo<Bounded>, TowerToHyperService<Router>> {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "cannot send small packets at once");
     }
+    // hyper bounds the time for heads, `http` that for bodies; a client that takes no answer is nobody else's.
+    let mut stream = TimeoutStream::new(stream);
+    stream.set_write_timeout(Some(limits.stall));
     http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(header)
+        .header_read_timeout(limits.header)
         .max_header_size(HEAD_BYTES_MAX)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router))
+        .serve_connection(TokioIo::new(Box::pin(stream)), TowerToHyperService::new(router))
 }

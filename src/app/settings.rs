@@ -6,9 +6,12 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::listener::Connections;
+use super::machine;
+use super::secret::Secret;
 use crate::cloud::reader;
 use crate::http::Limits;
-use crate::jobs::JobsSettings;
+use crate::jobs::{JobsSettings, Retention};
+use crate::store::StoreSettings;
 
 /// How the service runs, and what it accepts at most.
 #[derive(Debug, Clone, clap::Args)]
@@ -29,9 +32,35 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_JOBS_AT_ONCE", value_name = "N", default_value_t = Self::default().jobs_at_once)]
     pub jobs_at_once: usize,
 
-    /// Bytes of an upload, at most.
+    /// Bytes of memory that the analyses running at one time may be estimated to take together; 0 for half of what the
+    /// machine or container has. A job that needs more by itself is refused.
+    #[arg(long, env = "CHLADNI_MEMORY_BUDGET", value_name = "BYTES", default_value_t = Self::default().memory_budget)]
+    pub memory_budget: u64,
+
+    /// Bytes of memory for the bodies of requests and what they are parsed into, of which a body takes five times its
+    /// size; 0 for a quarter of what the machine or container has.
+    #[arg(long, env = "CHLADNI_BODY_MEMORY", value_name = "BYTES", default_value_t = Self::default().body_memory)]
+    pub body_memory: u64,
+
+    /// Bytes that stay free on the database's disk: below, uploads and jobs are refused, and no job begins.
+    #[arg(long, env = "CHLADNI_DISK_FLOOR", value_name = "BYTES", default_value_t = Self::default().disk_floor)]
+    pub disk_floor: u64,
+
+    /// Bytes of a request's body as it is sent, at most.
     #[arg(long, env = "CHLADNI_MAX_BODY", value_name = "BYTES", default_value_t = Self::default().max_body)]
     pub max_body: u64,
+
+    /// Bytes of a compressed body once it is decompressed, at most.
+    #[arg(long, env = "CHLADNI_MAX_DECODED", value_name = "BYTES", default_value_t = Self::default().max_decoded)]
+    pub max_decoded: u64,
+
+    /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
+    #[arg(long, env = "CHLADNI_RATIO_MAX", value_name = "N", default_value_t = Self::default().ratio_max)]
+    pub ratio_max: u64,
+
+    /// Coordinates per point, at most; 8 at most.
+    #[arg(long, env = "CHLADNI_DIMENSION_MAX", value_name = "N", default_value_t = Self::default().dimension_max)]
+    pub dimension_max: usize,
 
     /// Points of a cloud, at most.
     #[arg(long, env = "CHLADNI_POINTS_MAX", value_name = "N", default_value_t = Self::default().points_max)]
@@ -61,7 +90,11 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_HEADER_SECONDS", value_name = "SECONDS", default_value_t = Self::default().header_seconds)]
     pub header_seconds: u64,
 
-    /// Seconds without a byte after which an upload is given up.
+    /// Seconds for the body of a request.
+    #[arg(long, env = "CHLADNI_BODY_SECONDS", value_name = "SECONDS", default_value_t = Self::default().body_seconds)]
+    pub body_seconds: u64,
+
+    /// Seconds without a byte of a body, or of an answer taken, after which the client is given up.
     #[arg(long, env = "CHLADNI_STALL_SECONDS", value_name = "SECONDS", default_value_t = Self::default().stall_seconds)]
     pub stall_seconds: u64,
 
@@ -69,9 +102,23 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_GRACE_SECONDS", value_name = "SECONDS", default_value_t = Self::default().grace_seconds)]
     pub grace_seconds: u64,
 
-    /// File of API keys, one per line; requests must then carry `Authorization: Bearer KEY`.
+    /// Days that jobs and their results are kept after their end; for ever when not given.
+    #[arg(long, env = "CHLADNI_KEEP_JOBS_DAYS", value_name = "DAYS")]
+    pub keep_jobs_days: Option<u64>,
+
+    /// Days that clouds without jobs are kept after their upload; for ever when not given.
+    #[arg(long, env = "CHLADNI_KEEP_CLOUDS_DAYS", value_name = "DAYS")]
+    pub keep_clouds_days: Option<u64>,
+
+    /// File of API keys, one per line, each with or without a name before it; requests must then carry
+    /// `Authorization: Bearer KEY`, and see the clouds and jobs of that name or key only.
     #[arg(long, env = "CHLADNI_API_KEYS", value_name = "FILE")]
     pub api_keys: Option<PathBuf>,
+
+    /// The same between commas, beside those of the file. From the environment: a command line is seen by every user of
+    /// the machine.
+    #[arg(long, env = "CHLADNI_KEYS", value_name = "KEYS", hide_env_values = true)]
+    pub keys: Option<Secret>,
 
     /// Serve other machines without asking for a key.
     #[arg(long, env = "CHLADNI_ALLOW_PUBLIC")]
@@ -86,7 +133,13 @@ impl Default for Settings {
             database: PathBuf::from("chladni.db"),
             threads: 0,
             jobs_at_once: 1,
+            memory_budget: 0,
+            body_memory: 0,
+            disk_floor: 1 << 30,
             max_body: 1 << 30,
+            max_decoded: 2 << 30,
+            ratio_max: 100,
+            dimension_max: reader.dimension_max,
             points_max: reader.points_max,
             faces_max: reader.faces_max,
             fields_max: reader.fields_max,
@@ -94,9 +147,13 @@ impl Default for Settings {
             queue_max: 1000,
             connections_max: 1024,
             header_seconds: 15,
+            body_seconds: 3600,
             stall_seconds: 30,
             grace_seconds: 20,
+            keep_jobs_days: None,
+            keep_clouds_days: None,
             api_keys: None,
+            keys: None,
             allow_public: false,
         }
     }
@@ -113,7 +170,31 @@ impl Settings {
 
     pub(super) fn jobs(&self) -> JobsSettings {
         let concurrent = NonZeroUsize::new(self.jobs_at_once).unwrap_or(NonZeroUsize::MIN);
-        JobsSettings { concurrent, ..JobsSettings::default() }
+        let days = |days: u64| Duration::from_secs(days.saturating_mul(24 * 60 * 60));
+        let retention =
+            Retention { jobs: self.keep_jobs_days.map(days), clouds: self.keep_clouds_days.map(days) };
+        JobsSettings { concurrent, memory: self.memory_budget(), retention, ..JobsSettings::default() }
+    }
+
+    pub(super) fn store(&self) -> StoreSettings {
+        StoreSettings {
+            queue_max: self.queue_max,
+            memory_budget: self.memory_budget(),
+            disk_floor: self.disk_floor,
+            ..StoreSettings::default()
+        }
+    }
+
+    fn memory_budget(&self) -> u64 {
+        if self.memory_budget > 0 { self.memory_budget } else { machine::memory() / 2 }
+    }
+
+    fn body_memory(&self) -> u64 {
+        if self.body_memory > 0 { self.body_memory } else { machine::memory() / 4 }
+    }
+
+    fn stall(&self) -> Duration {
+        Duration::from_secs(self.stall_seconds)
     }
 
     pub(super) fn grace(&self) -> Duration {
@@ -124,6 +205,7 @@ impl Settings {
         Connections {
             at_once: self.connections_max.max(1),
             header: Duration::from_secs(self.header_seconds),
+            stall: self.stall(),
             grace: self.grace(),
         }
     }
@@ -131,14 +213,25 @@ impl Settings {
     pub(super) fn limits(&self) -> Limits {
         Limits {
             body_bytes: self.max_body,
-            stall: Duration::from_secs(self.stall_seconds),
+            decoded_bytes: self.max_decoded,
+            decoded_ratio_max: self.ratio_max,
+            body_time: Duration::from_secs(self.body_seconds),
+            stall: self.stall(),
+            header_time: Duration::from_secs(self.header_seconds),
+            connections_max: self.connections_max.max(1),
+            body_memory: self.body_memory(),
+            memory_budget: self.memory_budget(),
+            disk_floor: self.disk_floor,
+            jobs_at_once: self.jobs_at_once.max(1),
+            keep_jobs_days: self.keep_jobs_days,
+            keep_clouds_days: self.keep_clouds_days,
             bases_max: self.bases_max,
             queue_max: self.queue_max,
             reader: reader::Limits {
                 points_max: self.points_max,
                 fields_max: self.fields_max,
                 faces_max: self.faces_max,
-                ..reader::Limits::default()
+                dimension_max: self.dimension_max.min(reader::Limits::default().dimension_max),
             },
         }
     }

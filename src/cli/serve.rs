@@ -10,6 +10,19 @@ use tracing_subscriber::EnvFilter;
 pub(crate) struct ServeArgs {
     #[command(flatten)]
     settings: Settings,
+
+    /// How the log on standard error is written.
+    #[arg(long, env = "CHLADNI_LOG_FORMAT", value_enum, default_value_t = LogFormat::Text)]
+    log_format: LogFormat,
+}
+
+/// How a log is written.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum LogFormat {
+    /// A line of text per event.
+    Text,
+    /// A JSON object per event, for collectors.
+    Json,
 }
 
 /// Why serving ended early.
@@ -24,10 +37,15 @@ pub(crate) enum ServeError {
 }
 
 /// One line per request and event; `CHLADNI_LOG` takes filters such as `debug` or `chladni::jobs=trace`.
-fn log_to_stderr() {
+fn log_to_stderr(format: LogFormat) {
     let filter = EnvFilter::try_from_env("CHLADNI_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
     let colored = std::io::stderr().is_terminal();
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colored).init();
+    let log =
+        tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colored);
+    match format {
+        LogFormat::Text => log.init(),
+        LogFormat::Json => log.json().flatten_event(true).init(),
+    }
 }
 
 /// Serves until SIGTERM or Ctrl-C.
@@ -36,7 +54,7 @@ fn log_to_stderr() {
 /// [`ServeError`].
 #[allow(clippy::print_stdout)] // the address is the command's output
 pub(crate) async fn run(args: ServeArgs) -> Result<(), ServeError> {
-    log_to_stderr();
+    log_to_stderr(args.log_format);
     let app = App::start(args.settings).await?;
     let address = app.address();
     println!("chladni serves http://{address}   try: curl -T scan.ply 'http://{address}/clouds?bases=50'");

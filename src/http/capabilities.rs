@@ -13,8 +13,8 @@ use super::parameters::{KIND, PARAMETERS};
 use super::query::{Accepts, Argument};
 use super::submission::UPLOAD;
 use super::{
-    Shared, asked, bases, coefficients, distances, features, filtered, jobs, laplacian, operator, points,
-    signatures, similarity, spectrum,
+    Limits, Shared, asked, bases, coefficients, distances, features, filtered, jobs, laplacian, operator,
+    points, signatures, similarity, spectrum,
 };
 use crate::cloud::reader::Format;
 use crate::harmonics::FilterKind;
@@ -92,8 +92,22 @@ pub(crate) struct ParameterView {
 /// Limits of this service.
 #[derive(Debug, Serialize, ToSchema)]
 pub(crate) struct LimitsView {
-    /// Bytes of an upload.
+    /// Bytes of a request's body, as it is sent.
     body_bytes: u64,
+    /// Bytes of a compressed body once it is decompressed.
+    decoded_bytes: u64,
+    /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
+    decoded_ratio_max: u64,
+    /// Seconds for a body.
+    body_seconds: u64,
+    /// Seconds without a byte of a body, or of an answer taken, after which the client is given up.
+    stall_seconds: u64,
+    /// Seconds for the head of a request.
+    header_seconds: u64,
+    /// Open connections; further ones wait to be accepted.
+    connections_max: usize,
+    /// Bytes of memory for bodies and what they are parsed into, a fifth of it for the largest.
+    body_memory_bytes: u64,
     /// Points of a cloud.
     points_max: usize,
     /// Coordinates per point.
@@ -106,6 +120,16 @@ pub(crate) struct LimitsView {
     bases_max: usize,
     /// Jobs that wait.
     queue_max: u64,
+    /// Jobs that run at one time.
+    jobs_at_once: usize,
+    /// Bytes of memory that the analyses running at one time may be estimated to take.
+    memory_budget_bytes: u64,
+    /// Bytes that stay free on the disk.
+    disk_floor_bytes: u64,
+    /// Days that jobs are kept after their end; null for ever.
+    keep_jobs_days: Option<u64>,
+    /// Days that clouds without jobs are kept; null for ever.
+    keep_clouds_days: Option<u64>,
     /// Bytes of bases as JSON; more is to be had as npy.
     json_bytes: u64,
     /// Seconds of `?wait=`.
@@ -184,17 +208,35 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
         filters: FilterKind::ALL.iter().map(|kind| kind.name()).collect(),
         results: results(),
         upload_parameters: UPLOAD.iter().map(ParameterView::from).collect(),
-        limits: LimitsView {
+        limits: limits.into(),
+    })
+}
+
+impl From<&Limits> for LimitsView {
+    fn from(limits: &Limits) -> Self {
+        Self {
             body_bytes: limits.body_bytes,
+            decoded_bytes: limits.decoded_bytes,
+            decoded_ratio_max: limits.decoded_ratio_max,
+            body_seconds: limits.body_time.as_secs(),
+            stall_seconds: limits.stall.as_secs(),
+            header_seconds: limits.header_time.as_secs(),
+            connections_max: limits.connections_max,
+            body_memory_bytes: limits.body_memory,
             points_max: limits.reader.points_max,
             dimension_max: limits.reader.dimension_max,
             fields_max: limits.reader.fields_max,
             faces_max: limits.reader.faces_max,
             bases_max: limits.bases_max,
             queue_max: limits.queue_max,
+            jobs_at_once: limits.jobs_at_once,
+            memory_budget_bytes: limits.memory_budget,
+            disk_floor_bytes: limits.disk_floor,
+            keep_jobs_days: limits.keep_jobs_days,
+            keep_clouds_days: limits.keep_clouds_days,
             json_bytes: asked::JSON_BYTES_MAX,
             wait_seconds_max: jobs::WAIT_SECONDS_MAX,
             page_max: jobs::PAGE_MAX,
-        },
-    })
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::{StatusCode, Uri};
+use axum::http::{Extensions, StatusCode, Uri};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
@@ -11,7 +11,7 @@ use uuid::Uuid;
 use super::jobs::{Nothing, PAGE_DEFAULT, PAGING};
 use super::problem::{Problem, ProblemDocument};
 use super::query::arguments;
-use super::{Shared, parse_id, timestamp};
+use super::{Shared, keys, parse_id, timestamp};
 use crate::geometry::Sampling;
 use crate::store::{CloudRecord, FieldRecord, JobState, Page, Store};
 
@@ -104,7 +104,7 @@ impl CloudView {
     /// # Errors
     /// As [`Store::jobs`].
     pub(crate) async fn load(store: &Store, cloud: &CloudRecord) -> Result<Self, Problem> {
-        let latest = store.jobs(Some(JobState::Succeeded), Some(cloud.id), None, 1).await?;
+        let latest = store.jobs(&cloud.owner, Some(JobState::Succeeded), Some(cloud.id), None, 1).await?;
         let report = latest.items.into_iter().next().and_then(|job| job.report);
         let points_used = match &report {
             Some(report) => report.points_used as u64,
@@ -135,10 +135,15 @@ pub(crate) struct CloudPage {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub(crate) async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<CloudPage>, Problem> {
+pub(crate) async fn list(
+    State(service): State<Shared>,
+    uri: Uri,
+    extensions: Extensions,
+) -> Result<Json<CloudPage>, Problem> {
     let arguments = ListClouds::read(&uri)?;
     let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
-    let Page { items, next } = service.store.clouds(arguments.id("cursor"), limit).await?;
+    let owner = keys::owner(&extensions);
+    let Page { items, next } = service.store.clouds(&owner, arguments.id("cursor"), limit).await?;
     Ok(Json(CloudPage { clouds: items.iter().map(CloudSummary::from).collect(), next }))
 }
 

@@ -36,8 +36,8 @@ macro_rules! dispatch {
         ("file" = String, Path, description = "Name of the result with the format as its ending, such as `bases.npy`."),
     ),
     responses(
-        (status = 200, description = "The file.", body = Vec<u8>, content_type = "application/octet-stream"),
-        (status = 206, description = "The range asked for.", body = Vec<u8>, content_type = "application/octet-stream"),
+        (status = 200, description = "The file.", body = Vec<u8>, content_type = "*/*"),
+        (status = 206, description = "The range asked for.", body = Vec<u8>, content_type = "*/*"),
         (status = 304, description = "The client's copy is current."),
         (status = "4XX", description = "As for the resource without the ending.", body = ProblemDocument, content_type = "application/problem+json"),
     )

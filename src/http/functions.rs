@@ -29,7 +29,7 @@ const SHAPES: &str = "a JSON array of numbers, an array of such arrays, an objec
 /// # Errors
 /// A problem that says what would be accepted.
 pub(super) async fn receive(service: &Service, request: Request) -> Result<Vec<Function>, Problem> {
-    let bytes = upload::body(request, &service.limits).await?;
+    let bytes = upload::body(request).await?;
     let lists = service.compute.run(move || parse(&bytes)).await??;
     if lists.is_empty() || lists.len() > LISTS_MAX {
         let detail =

@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 
 use super::Shared;
 use super::problem::{Kind, Problem, ProblemDocument};
+use crate::store::StoreError;
 
 /// A probe's answer.
 #[derive(Debug, Serialize, ToSchema)]
@@ -25,23 +26,42 @@ pub(crate) async fn livez() -> Json<Health> {
 
 /// Whether requests will succeed.
 ///
-/// Makes a small write to the database.
+/// Makes a small write to the database, and looks at the free space on its disk and at the workers.
 #[utoipa::path(
     get,
     path = "/readyz",
     tag = "service",
     responses(
         (status = 200, description = "They will.", body = Health),
-        (status = 503, description = "Stopping, or the database takes no writes.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 503, description = "Stopping, the database takes no writes, its disk is too full, or a worker died.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
 pub(crate) async fn readyz(State(service): State<Shared>) -> Result<Json<Health>, Problem> {
     if service.stopping.is_cancelled() {
-        return Err(Problem::new(Kind::Unavailable, "the service is stopping"));
+        return Err(not_ready("stopping", "the service is stopping"));
+    }
+    if !service.jobs.are_alive() {
+        tracing::error!("a worker died");
+        return Err(not_ready("workers", "a worker died; the service needs to be started again"));
+    }
+    match service.store.refuse_when_disk_full() {
+        Ok(()) => {}
+        Err(StoreError::StorageFull) => {
+            return Err(not_ready("disk", "less space is free on the disk than must stay so"));
+        }
+        Err(error) => {
+            tracing::error!(%error, "the disk cannot be asked");
+            return Err(not_ready("disk", "the disk cannot be asked for its free space"));
+        }
     }
     service.store.probe().await.map_err(|error| {
         tracing::error!(%error, "the database does not take writes");
-        Problem::new(Kind::Unavailable, "the database does not take writes")
+        not_ready("database", "the database does not take writes")
     })?;
     Ok(Json(Health { status: "ok" }))
+}
+
+/// A problem that names the check that failed.
+fn not_ready(check: &str, detail: &str) -> Problem {
+    Problem::new(Kind::Unavailable, detail).with("check", check)
 }

@@ -33,6 +33,7 @@ pub(crate) async fn index() -> Json<Index> {
             ("clouds", "/clouds"),
             ("jobs", "/jobs"),
             ("live", "/livez"),
+            ("metrics", "/metrics"),
             ("openapi", "/openapi.yaml"),
             ("ready", "/readyz"),
         ]),

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -17,7 +17,7 @@ use uuid::Uuid;
 use super::asked::WAIT;
 use super::problem::{Problem, ProblemDocument};
 use super::query::{Accepts, Argument, arguments};
-use super::{Service, Shared, download, parse_id, timestamp};
+use super::{Service, Shared, download, keys, parse_id, timestamp};
 use crate::analysis::JobKind;
 use crate::progress::Phase;
 use crate::store::{JobRecord, JobState, Page};
@@ -208,18 +208,6 @@ fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
     links
 }
 
-/// Lowercase name of a state.
-#[must_use]
-pub(crate) fn state_name(state: JobState) -> &'static str {
-    match state {
-        JobState::Queued => "queued",
-        JobState::Running => "running",
-        JobState::Succeeded => "succeeded",
-        JobState::Failed => "failed",
-        JobState::Canceled => "canceled",
-    }
-}
-
 pub(super) fn now() -> crate::store::Milliseconds {
     jiff::Timestamp::now().as_millisecond()
 }
@@ -245,12 +233,17 @@ pub(crate) struct JobPage {
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub(crate) async fn list(State(service): State<Shared>, uri: Uri) -> Result<Json<JobPage>, Problem> {
+pub(crate) async fn list(
+    State(service): State<Shared>,
+    uri: Uri,
+    extensions: Extensions,
+) -> Result<Json<JobPage>, Problem> {
     let arguments = ListJobs::read(&uri)?;
     let state = arguments.word("state").and_then(|word| serde_json::from_value(word.into()).ok());
     let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
-    let Page { items, next } =
-        service.store.jobs(state, arguments.id("cloud"), arguments.id("cursor"), limit).await?;
+    let owner = keys::owner(&extensions);
+    let (cloud, cursor) = (arguments.id("cloud"), arguments.id("cursor"));
+    let Page { items, next } = service.store.jobs(&owner, state, cloud, cursor, limit).await?;
     let now = now();
     Ok(Json(JobPage { jobs: items.iter().map(|job| JobView::new(job, now)).collect(), next }))
 }

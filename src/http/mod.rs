@@ -3,8 +3,11 @@
 mod accept;
 mod asked;
 mod bases;
+mod body;
+mod body_memory;
 mod capabilities;
 mod clouds;
+mod coding;
 mod coefficients;
 mod distances;
 mod download;
@@ -19,6 +22,7 @@ mod jobs;
 mod keys;
 mod laplacian;
 mod matrix;
+mod metrics;
 mod openapi;
 mod operator;
 mod parameters;
@@ -48,22 +52,46 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use uuid::Uuid;
 
-pub use keys::Keys;
+pub use keys::{Keys, KeysError};
 pub use openapi::document;
 pub use problem::{Problem, ProblemDocument};
 
 use crate::cloud::reader;
 use crate::jobs::{Compute, Jobs};
+use crate::metrics::Metrics;
 use crate::store::Store;
+use body_memory::BodyMemory;
 use problem::Kind;
 
 /// What the interface accepts at most.
 #[derive(Debug, Clone)]
 pub struct Limits {
-    /// Bytes of a request's body.
+    /// Bytes of a request's body as it is sent.
     pub body_bytes: u64,
-    /// Pause in an upload after which it is given up.
+    /// Bytes of a compressed body once it is decompressed.
+    pub decoded_bytes: u64,
+    /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
+    pub decoded_ratio_max: u64,
+    /// Time for a request's body.
+    pub body_time: Duration,
+    /// Pause in a body, or in the taking of an answer, after which the client is given up.
     pub stall: Duration,
+    /// Time for a request's head.
+    pub header_time: Duration,
+    /// Connections that are open.
+    pub connections_max: usize,
+    /// Bytes of memory for bodies and what they are parsed into.
+    pub body_memory: u64,
+    /// Bytes of memory that the analyses running at one time may be estimated to take.
+    pub memory_budget: u64,
+    /// Bytes that stay free on the disk.
+    pub disk_floor: u64,
+    /// Jobs that run.
+    pub jobs_at_once: usize,
+    /// Days that jobs are kept after their end.
+    pub keep_jobs_days: Option<u64>,
+    /// Days that clouds without jobs are kept.
+    pub keep_clouds_days: Option<u64>,
     /// Bases of a job.
     pub bases_max: usize,
     /// Jobs that wait.
@@ -75,17 +103,38 @@ pub struct Limits {
 /// What the handlers work with.
 pub struct Service {
     /// The database.
-    pub store: Store,
+    store: Store,
     /// Threads that parse and encode, apart from those that analyse.
-    pub compute: Compute,
+    compute: Compute,
     /// The workers, to be woken when a job was queued.
-    pub jobs: Arc<Jobs>,
+    jobs: Arc<Jobs>,
     /// Limits.
-    pub limits: Limits,
+    limits: Limits,
+    /// What bodies share.
+    body_memory: BodyMemory,
     /// Accepted keys; `None` when none is asked for.
-    pub keys: Option<Keys>,
+    keys: Option<Keys>,
     /// Canceled when the service stops: waiting requests then answer at once.
-    pub stopping: CancellationToken,
+    stopping: CancellationToken,
+    /// What is counted.
+    metrics: Arc<Metrics>,
+}
+
+impl Service {
+    /// What the handlers work with.
+    #[must_use]
+    pub fn new(
+        store: Store,
+        compute: Compute,
+        jobs: Arc<Jobs>,
+        limits: Limits,
+        keys: Option<Keys>,
+        metrics: Arc<Metrics>,
+        stopping: CancellationToken,
+    ) -> Self {
+        let body_memory = BodyMemory::new(limits.body_memory, limits.stall);
+        Self { store, compute, jobs, limits, body_memory, keys, stopping, metrics }
+    }
 }
 
 /// The state of every handler.
@@ -100,6 +149,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(problems::problem_kind))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
+        .routes(routes!(metrics::metrics))
         .routes(routes!(clouds::list, submission::post_cloud, submission::put_cloud))
         .routes(routes!(clouds::show, clouds::delete, submission::put_cloud_named))
         .routes(routes!(points::points))
@@ -123,7 +173,7 @@ fn routes() -> OpenApiRouter<Shared> {
 
 /// The service's router.
 pub fn router(service: Service) -> Router {
-    let keys = service.keys.clone();
+    let (keys, metrics) = (service.keys.clone(), Arc::clone(&service.metrics));
     let service = Arc::new(service);
     let (router, _) = routes().split_for_parts();
     router
@@ -131,11 +181,14 @@ pub fn router(service: Service) -> Router {
         .route("/clouds/", axum::routing::post(submission::post_cloud).put(submission::put_cloud))
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
+        .layer(middleware::from_fn_with_state(Arc::clone(&service), body::bound))
+        .layer(middleware::from_fn_with_state(Arc::clone(&service), keys::only_own))
         .layer(DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(keys, keys::require))
         .layer(middleware::from_fn(drain::after_errors))
         .layer(middleware::from_fn(request::identify))
+        .layer(middleware::from_fn_with_state(metrics, metrics::measure))
         .with_state(service)
 }
 

@@ -49,7 +49,7 @@ pub fn document() -> OpenApi {
     get,
     path = "/openapi.yaml",
     tag = "service",
-    responses((status = 200, description = "The document.", body = String, content_type = "application/yaml"))
+    responses((status = 200, description = "The document.", body = Object, content_type = "application/yaml"))
 )]
 pub(crate) async fn openapi() -> Result<Response, Problem> {
     let yaml = document().to_yaml().map_err(|error| Problem::internal(&error))?;

@@ -53,6 +53,8 @@ pub(crate) enum Kind {
     TooLarge,
     /// The format of the upload is unknown.
     UnsupportedFormat,
+    /// The body is compressed in a way that is not known.
+    UnsupportedEncoding,
     /// The range lies outside of the result.
     RangeNotSatisfiable,
     /// A parameter that does not exist.
@@ -61,6 +63,8 @@ pub(crate) enum Kind {
     InvalidParameter,
     /// The cloud cannot carry the analysis.
     UnusableCloud,
+    /// The analysis needs more memory than there is.
+    OverBudget,
     /// The queue is full.
     QueueFull,
     /// The database's disk is full.
@@ -73,7 +77,7 @@ pub(crate) enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub(crate) const ALL: [Self; 22] = [
+    pub(crate) const ALL: [Self; 24] = [
         Self::MalformedRequest,
         Self::MalformedFile,
         Self::Unauthorized,
@@ -88,10 +92,12 @@ impl Kind {
         Self::CloudInUse,
         Self::TooLarge,
         Self::UnsupportedFormat,
+        Self::UnsupportedEncoding,
         Self::RangeNotSatisfiable,
         Self::UnknownParameter,
         Self::InvalidParameter,
         Self::UnusableCloud,
+        Self::OverBudget,
         Self::QueueFull,
         Self::StorageFull,
         Self::Internal,
@@ -139,6 +145,9 @@ impl Kind {
             Self::UnsupportedFormat => {
                 ("unsupported-format", "The format is not supported", S::UNSUPPORTED_MEDIA_TYPE)
             }
+            Self::UnsupportedEncoding => {
+                ("unsupported-encoding", "The body's encoding is not supported", S::UNSUPPORTED_MEDIA_TYPE)
+            }
             Self::RangeNotSatisfiable => {
                 ("range-not-satisfiable", "The range is outside of the result", S::RANGE_NOT_SATISFIABLE)
             }
@@ -150,6 +159,9 @@ impl Kind {
             }
             Self::UnusableCloud => {
                 ("unusable-cloud", "The cloud cannot carry the analysis", S::UNPROCESSABLE_ENTITY)
+            }
+            Self::OverBudget => {
+                ("over-budget", "The analysis needs too much memory", S::UNPROCESSABLE_ENTITY)
             }
             Self::QueueFull => ("queue-full", "The queue is full", S::TOO_MANY_REQUESTS),
             Self::StorageFull => ("storage-full", "There is no space left", S::INSUFFICIENT_STORAGE),
@@ -280,10 +292,19 @@ impl From<StoreError> for Problem {
                 Self::new(Kind::QueueFull, format!("the queue already holds {limit} jobs; try again later"))
                     .with_header(header::RETRY_AFTER, QUEUE_RETRY_SECONDS.to_string())
             }
+            StoreError::OverBudget { need, budget } => Self::new(
+                Kind::OverBudget,
+                format!(
+                    "the analysis needs about {need} bytes of memory and the service has {budget}; thin the cloud out or \
+                     ask for fewer bases"
+                ),
+            )
+            .with("need", need)
+            .with("budget", budget),
             StoreError::NoResult => Self::new(Kind::NoSuchResult, "the job has no result of this kind"),
             StoreError::StorageFull => {
                 tracing::error!(%error, "the database cannot grow");
-                Self::new(Kind::StorageFull, "the service has no space left to store this")
+                Self::new(Kind::StorageFull, "the service has no space left to store this; what it has can be read")
             }
             StoreError::LostClaim | StoreError::Damaged(_) | StoreError::Database(_) => {
                 Self::internal(&error)
@@ -382,7 +403,7 @@ pub(crate) fn without_result(job: &JobRecord) -> Option<Problem> {
             format!(
                 "job {} is {}; ask again when GET /jobs/{}?wait=60 says succeeded",
                 job.id,
-                super::jobs::state_name(job.state),
+                job.state.name(),
                 job.id
             ),
         )
@@ -399,38 +420,8 @@ pub(crate) fn without_result(job: &JobRecord) -> Option<Problem> {
             Problem::new(Kind::JobCanceled, format!("job {} was canceled before it had a result", job.id))
         }
     };
-    Some(problem.with("state", super::jobs::state_name(job.state)))
+    Some(problem.with("state", job.state.name()))
 }
 
 #[cfg(test)]
-mod tests {
-    use std::collections::HashSet;
-
-    use super::*;
-
-    #[test]
-    fn every_kind_has_its_own_name_and_an_error_status() {
-        let names: HashSet<_> = Kind::ALL.iter().map(|kind| kind.name()).collect();
-        assert_eq!(names.len(), Kind::ALL.len());
-        for kind in Kind::ALL {
-            assert!(kind.status().is_client_error() || kind.status().is_server_error(), "{}", kind.name());
-        }
-    }
-
-    #[test]
-    fn the_text_of_a_database_error_stays_inside() {
-        let problem = Problem::from(StoreError::Database("disk I/O error at /secret".into()));
-        assert_eq!(problem.kind(), Kind::Internal);
-        assert!(!serde_json::to_string(&problem.document(None, None)).unwrap().contains("secret"));
-    }
-
-    #[test]
-    fn members_stand_beside_the_standard_ones() {
-        let problem = Problem::new(Kind::NotFinished, "wait").with("state", "running");
-        let json = serde_json::to_value(problem.document(Some("/x".into()), Some("id".into()))).unwrap();
-        assert_eq!(json["type"], "/problems/not-finished");
-        assert_eq!(json["status"], 409);
-        assert_eq!(json["state"], "running");
-        assert_eq!(json["request_id"], "id");
-    }
-}
+mod tests;

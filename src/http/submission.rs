@@ -18,7 +18,7 @@ use super::parameters::{self, KIND, PARAMETERS};
 use super::problem::{Kind, Problem, ProblemDocument};
 use super::query::{Accepts, Argument, Arguments, arguments};
 use super::upload::Upload;
-use super::{Service, Shared, jobs, parse_id};
+use super::{Service, Shared, jobs, keys, parse_id};
 use crate::analysis::{JobKind, Parameters, admit};
 use crate::cloud::reader::{self, Format, ReadOptions};
 use crate::cloud::{NonFinite, PointCloud};
@@ -224,7 +224,8 @@ async fn receive(
     let arguments = SubmitCloud::read(request.uri())?;
     let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
     let wait = preferred_wait(request.headers());
-    let mut upload = Upload::receive(request, &service.limits).await?;
+    let owner = keys::owner(request.extensions());
+    let mut upload = Upload::receive(request).await?;
     upload.file_name = upload.file_name.or(file_name);
     let format = upload.format(arguments.word("format").and_then(Format::from_name))?;
     let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
@@ -235,7 +236,7 @@ async fn receive(
     };
     let wanted = job.clone();
     let cloud = service.compute.run(move || read(upload, format, &options, wanted.as_ref())).await??;
-    let submitted = service.store.submit_shared(Arc::new(cloud), job).await?;
+    let submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
     answer(service, submitted, wait).await
 }
 
@@ -271,6 +272,8 @@ async fn answer(
 ) -> Result<Response, Problem> {
     let Submitted { cloud, mut job, cloud_created, job_created } = submitted;
     if job_created {
+        // In the request's span: the log joins request and job.
+        tracing::info!(job = ?job.as_ref().map(|job| job.id), cloud = %cloud.id, "job queued");
         service.jobs.wake();
     }
     if let (Some(wait), Some(queued)) = (wait, &job) {

@@ -1,14 +1,11 @@
 //! The uploaded file: taken from the body within limits, its format told from what came with it.
 
-use std::time::Duration;
-
 use axum::body::Bytes;
 use axum::extract::multipart::MultipartError;
 use axum::extract::{FromRequest, Multipart, Request};
 use axum::http::header;
 use futures_util::{Stream, StreamExt, TryStreamExt};
 
-use super::Limits;
 use super::problem::{Kind, Problem};
 use crate::cloud::reader::Format;
 
@@ -33,35 +30,29 @@ impl Upload {
     /// Takes the file from the body, or from the first file part of a multipart body.
     ///
     /// # Errors
-    /// A problem: over the limit, malformed, stalled, of a media type that is not supported.
-    pub(crate) async fn receive(request: Request, limits: &Limits) -> Result<Self, Problem> {
-        let announced = request.headers().get(header::CONTENT_LENGTH);
-        let announced = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
-        if announced.is_some_and(|length| length > limits.body_bytes) {
-            return Err(too_large(limits.body_bytes));
-        }
+    /// A problem: malformed, empty, of a media type that is not supported.
+    pub(crate) async fn receive(request: Request) -> Result<Self, Problem> {
         let media_type = request.headers().get(header::CONTENT_TYPE);
         let media_type = media_type.map(|value| value.to_str().unwrap_or("?").to_owned());
         if media_type.as_deref().is_some_and(|media_type| essence(media_type) == "multipart/form-data") {
-            return Self::from_multipart(request, limits).await;
+            return Self::from_multipart(request).await;
         }
         let declared = declared_format(media_type.as_deref())?;
-        let bytes =
-            collect(limits, EMPTY, request.into_body().into_data_stream().map_err(interrupted)).await?;
+        let bytes = collect(EMPTY, request.into_body().into_data_stream().map_err(interrupted)).await?;
         Ok(Self { bytes, file_name: None, declared })
     }
 
-    async fn from_multipart(request: Request, limits: &Limits) -> Result<Self, Problem> {
+    async fn from_multipart(request: Request) -> Result<Self, Problem> {
         let mut parts = Multipart::from_request(request, &()).await.map_err(|rejection| {
             Problem::new(
                 Kind::MalformedRequest,
                 format!("the multipart body cannot be read: {}", rejection.body_text()),
             )
         })?;
-        while let Some(part) = within(limits.stall, parts.next_field()).await?.map_err(malformed)? {
+        while let Some(part) = parts.next_field().await.map_err(malformed)? {
             let Some(file_name) = part.file_name().map(str::to_owned) else { continue };
             let declared = declared_format(part.content_type())?;
-            let bytes = collect(limits, EMPTY, part.map_err(malformed)).await?;
+            let bytes = collect(EMPTY, part.map_err(malformed)).await?;
             return Ok(Self { bytes, file_name: Some(file_name), declared });
         }
         Err(Problem::new(
@@ -87,40 +78,28 @@ impl Upload {
 /// The whole body, whatever it is.
 ///
 /// # Errors
-/// A problem: over the limit, stalled, cut off, empty.
-pub(super) async fn body(request: Request, limits: &Limits) -> Result<Vec<u8>, Problem> {
+/// A problem: cut off, empty.
+pub(super) async fn body(request: Request) -> Result<Vec<u8>, Problem> {
     collect(
-        limits,
         "the body is empty; send JSON or an npy file, as in `curl --data-binary @values.npy`",
         request.into_body().into_data_stream().map_err(interrupted),
     )
     .await
 }
 
-/// Gathers chunks up to the limit, and gives up on a sender that stalls.
+/// Gathers chunks, which `super::body` keeps within the limits. A body in one chunk is not copied.
 async fn collect(
-    limits: &Limits,
     empty: &str,
     mut chunks: impl Stream<Item = Result<Bytes, Problem>> + Unpin,
 ) -> Result<Vec<u8>, Problem> {
-    let mut bytes = Vec::new();
-    while let Some(chunk) = within(limits.stall, chunks.next()).await? {
-        let chunk = chunk?;
-        if (bytes.len() + chunk.len()) as u64 > limits.body_bytes {
-            return Err(too_large(limits.body_bytes));
-        }
-        bytes.extend_from_slice(&chunk);
+    let mut bytes = chunks.next().await.transpose()?.map(Vec::from).unwrap_or_default();
+    while let Some(chunk) = chunks.next().await {
+        bytes.extend_from_slice(&chunk?);
     }
     if bytes.is_empty() {
         return Err(Problem::new(Kind::MalformedRequest, empty));
     }
     Ok(bytes)
-}
-
-async fn within<T>(stall: Duration, future: impl Future<Output = T>) -> Result<T, Problem> {
-    tokio::time::timeout(stall, future).await.map_err(|_| {
-        Problem::new(Kind::RequestTimeout, format!("no data came for {} seconds", stall.as_secs_f64()))
-    })
 }
 
 #[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
@@ -129,14 +108,8 @@ fn malformed(error: MultipartError) -> Problem {
 }
 
 #[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
-fn interrupted(error: axum::Error) -> Problem {
-    tracing::debug!(%error, "upload interrupted");
+fn interrupted(_: axum::Error) -> Problem {
     Problem::new(Kind::MalformedRequest, "the body ended before all of it had come")
-}
-
-fn too_large(limit: u64) -> Problem {
-    Problem::new(Kind::TooLarge, format!("the body is larger than {limit} bytes, the limit of this service"))
-        .with("limit", limit)
 }
 
 /// What the media type of a file says of its format: nothing, a format, or something unsupported.

@@ -12,6 +12,9 @@ use tokio::sync::oneshot;
 /// Recursive factorizations and tree builds run deeper than the 2 MiB that threads get by default.
 const STACK_BYTES: usize = 16 << 20;
 
+/// Of 19: the least share that still leaves analyses a tenth of a core that others want too.
+const NICENESS: i32 = 10;
+
 /// A private pool of threads for numerical work, apart from tokio's and from rayon's global one.
 ///
 /// Work waits until a thread is free, so work that answers a request must not share a pool with analyses, which run for
@@ -38,10 +41,30 @@ impl Compute {
     /// # Errors
     /// [`ComputeError::Threads`].
     pub fn new(name: &'static str, threads: usize) -> Result<Self, ComputeError> {
+        Self::with(name, threads, |_| {})
+    }
+
+    /// As [`Self::new`], with threads that give way to all others: to those that answer requests above all.
+    ///
+    /// # Errors
+    /// [`ComputeError::Threads`].
+    pub fn in_background(name: &'static str, threads: usize) -> Result<Self, ComputeError> {
+        Self::with(name, threads, |_| {
+            // On Linux a thread has a niceness of its own. Without it everything works, only later.
+            let _ = rustix::process::nice(NICENESS);
+        })
+    }
+
+    fn with(
+        name: &'static str,
+        threads: usize,
+        begin: impl Fn(usize) + Send + Sync + 'static,
+    ) -> Result<Self, ComputeError> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(move |index| format!("{name}-{index}"))
             .stack_size(STACK_BYTES)
+            .start_handler(begin)
             .build()
             .map_err(|e| ComputeError::Threads(e.to_string()))?;
         Ok(Self { pool: Arc::new(pool) })
@@ -128,6 +151,16 @@ mod tests {
         let (tell, told) = oneshot::channel();
         drop(compute.run(move || tell.send(()).unwrap()));
         told.await.unwrap();
+    }
+
+    #[tokio::test]
+    async fn threads_in_the_background_give_way_and_others_do_not() {
+        let niceness = || rustix::process::getpriority_process(None).unwrap();
+        let own = niceness();
+        let background = Compute::in_background("sand", 1).unwrap();
+        assert_eq!(background.run(niceness).await, Ok((own + NICENESS).min(19)));
+        assert_eq!(Compute::new("sand", 1).unwrap().run(niceness).await, Ok(own));
+        assert_eq!(niceness(), own);
     }
 
     #[test]

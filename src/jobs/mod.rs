@@ -7,6 +7,8 @@
 mod analyses;
 mod compute;
 mod pulse;
+mod retention;
+mod room;
 mod stored_bases;
 mod storing;
 mod task;
@@ -23,30 +25,47 @@ use uuid::Uuid;
 
 pub use analyses::{Analyze, Results, analyses};
 pub use compute::{Compute, ComputeError};
+pub use retention::Retention;
 pub use stored_bases::{BasesError, StoredBases};
 
+use room::Room;
+
+use crate::metrics::Metrics;
 use crate::store::{Store, StoreError};
 
 /// How the workers go about it.
 #[derive(Debug, Clone)]
 pub struct JobsSettings {
-    /// Jobs that run at once. Each may use the whole pool and the whole memory of an analysis.
+    /// Jobs that run at once. Each may use the whole pool.
     pub concurrent: NonZeroUsize,
+    /// Bytes of memory that they may be estimated to take together.
+    pub memory: u64,
     /// How often a running job's phase and progress are written and its lease renewed.
     pub heartbeat: Duration,
     /// How often a running job looks whether somebody asked to cancel it.
     pub pulse: Duration,
     /// How often an idle worker looks at the queue without being woken: for leases that ran out.
     pub poll: Duration,
+    /// How long a job whose result could not be stored waits for its second attempt, and twice as long for its third: the
+    /// disk may have room again by then.
+    pub backoff: Duration,
+    /// How long jobs and clouds are kept.
+    pub retention: Retention,
+    /// Where it is counted.
+    pub metrics: Arc<Metrics>,
 }
 
 impl Default for JobsSettings {
     fn default() -> Self {
         Self {
             concurrent: NonZeroUsize::MIN,
+            memory: u64::MAX,
             heartbeat: Duration::from_secs(1),
             pulse: Duration::from_millis(200),
             poll: Duration::from_secs(1),
+            backoff: Duration::from_mins(1),
+            retention: Retention::default(),
+            metrics: Arc::default(),
         }
     }
 }
@@ -60,6 +79,8 @@ pub struct Jobs {
     /// End what runs.
     halt: CancellationToken,
     workers: TaskTracker,
+    room: Arc<Room>,
+    settings: JobsSettings,
 }
 
 impl Jobs {
@@ -78,12 +99,20 @@ impl Jobs {
         if orphans > 0 {
             tracing::warn!(orphans, "took up the jobs of a process that died");
         }
+        let too_large = store.fail_over_budget().await?;
+        if too_large > 0 {
+            tracing::warn!(too_large, "ended jobs that need more memory than the budget");
+        }
+        let wake = Arc::new(Notify::new());
         let jobs = Self {
-            wake: Arc::new(Notify::new()),
+            room: Arc::new(Room::new(settings.memory, Arc::clone(&wake))),
+            wake,
             stop: CancellationToken::new(),
             halt: CancellationToken::new(),
             workers: TaskTracker::new(),
+            settings: settings.clone(),
         };
+        tokio::spawn(settings.retention.keep(store.clone(), jobs.stop.clone()));
         for _ in 0..settings.concurrent.get() {
             let worker = worker::Worker {
                 store: store.clone(),
@@ -94,10 +123,23 @@ impl Jobs {
                 wake: Arc::clone(&jobs.wake),
                 stop: jobs.stop.clone(),
                 halt: jobs.halt.clone(),
+                room: Arc::clone(&jobs.room),
             };
             jobs.workers.spawn(worker.work());
         }
         Ok(jobs)
+    }
+
+    /// Whether every worker is there: one that panicked claims nothing more.
+    #[must_use]
+    pub fn are_alive(&self) -> bool {
+        self.workers.len() == self.settings.concurrent.get()
+    }
+
+    /// Bytes of memory that running jobs are estimated to take together.
+    #[must_use]
+    pub fn memory_taken(&self) -> u64 {
+        self.settings.memory.saturating_sub(self.room.free())
     }
 
     /// Tells an idle worker that a job was queued.

@@ -11,11 +11,12 @@ use super::JobsSettings;
 use super::analyses::{Analyze, Results};
 use super::compute::{Compute, ComputeError};
 use super::pulse::Pulse;
+use super::room::{Room, Share};
 use super::storing::store_arrays;
 use super::task::Task;
 use crate::analysis::AnalysisError;
 use crate::progress::Canceled;
-use crate::store::{Claim, Heartbeat, JobFailure, JobState, Store, StoreError};
+use crate::store::{Claim, Heartbeat, JobFailure, JobState, Milliseconds, Store, StoreError};
 
 pub(super) struct Worker {
     pub(super) store: Store,
@@ -26,6 +27,7 @@ pub(super) struct Worker {
     pub(super) wake: Arc<Notify>,
     pub(super) stop: CancellationToken,
     pub(super) halt: CancellationToken,
+    pub(super) room: Arc<Room>,
 }
 
 /// Why an attempt did not end with a result.
@@ -48,16 +50,30 @@ pub(super) enum Setback {
 impl Worker {
     /// Works until the service stops.
     pub(super) async fn work(self) {
+        let mut told = false;
         while !self.stop.is_cancelled() {
-            match self.store.claim(self.process).await {
-                Ok(Some(claim)) => self.see_through(&claim).await,
+            match self.claim().await {
+                Ok(Some((claim, share))) => {
+                    told = false;
+                    self.see_through(&claim).await;
+                    drop(share);
+                }
                 Ok(None) => self.rest().await,
                 Err(error) => {
-                    tracing::error!(%error, "no job could be claimed");
+                    // It is asked again every second: once is enough for the log.
+                    if !std::mem::replace(&mut told, true) {
+                        tracing::error!(%error, "no job can be claimed");
+                    }
                     self.rest().await;
                 }
             }
         }
+    }
+
+    /// The next job, unless there is no room for its result on the disk, or for itself in memory.
+    async fn claim(&self) -> Result<Option<(Claim, Share)>, StoreError> {
+        self.store.refuse_when_disk_full()?;
+        self.room.claim(&self.store, self.process).await
     }
 
     async fn rest(&self) {
@@ -73,6 +89,9 @@ impl Worker {
         let task = Task::begin();
         let job = claim.job.id;
         tracing::info!(%job, attempt = claim.job.attempt, points = claim.job.points, "job begins");
+        if let (1, Some(started)) = (claim.job.attempt, claim.job.started) {
+            self.settings.metrics.claimed((started - claim.job.created) as f64 / 1e3);
+        }
         let mut attempt = pin!(self.attempt(claim, &task));
         let mut pulse = match Pulse::start(self.store.clone(), claim.clone(), task.clone(), &self.settings) {
             Ok(pulse) => pulse,
@@ -84,7 +103,7 @@ impl Worker {
             order = pulse.order() => Setback::Ordered(order),
             () = self.halt.cancelled() => Setback::Halted,
             ended = &mut attempt => match ended {
-                Ok(state) => return tracing::info!(%job, ?state, "job ends"),
+                Ok(state) => return self.record(job, state, &task),
                 Err(setback) => return self.settle(claim, setback).await,
             },
         };
@@ -98,6 +117,16 @@ impl Worker {
         }
     }
 
+    fn record(&self, job: Uuid, state: JobState, task: &Task) {
+        tracing::info!(%job, ?state, "job ends");
+        self.settings.metrics.ended(state.name());
+        if state == JobState::Succeeded {
+            for (phase, seconds) in task.vitals().phase_seconds {
+                self.settings.metrics.phase(phase.name(), seconds);
+            }
+        }
+    }
+
     async fn attempt(&self, claim: &Claim, task: &Task) -> Result<JobState, Setback> {
         let cloud = self.store.load_cloud(claim.job.cloud_id).await?;
         let (kind, parameters) = (claim.job.kind, claim.job.parameters.clone());
@@ -107,6 +136,18 @@ impl Worker {
         let results: Arc<dyn Results> = Arc::from(results);
         store_arrays(&self.store, &self.compute, claim, &results).await?;
         Ok(self.store.finish(claim, results.report(), &vitals).await?)
+    }
+
+    /// Milliseconds to wait before another attempt; twice as long after every further one.
+    fn delay(&self, retry: Retry, attempt: u32) -> Option<Milliseconds> {
+        match retry {
+            Retry::Never => None,
+            Retry::AtOnce => Some(0),
+            Retry::Later => {
+                let delay = self.settings.backoff * 2_u32.saturating_pow(attempt.saturating_sub(1));
+                Some(delay.as_millis() as Milliseconds)
+            }
+        }
     }
 
     /// Gives a job that has no result its end, or its place in the queue back.
@@ -124,11 +165,14 @@ impl Worker {
             Setback::Halted => self.store.release(claim).await,
             _ => {
                 let (failure, retry) = failure(&setback);
-                self.store.fail(claim, failure, retry).await
+                self.store.fail(claim, failure, self.delay(retry, claim.job.attempt)).await
             }
         };
         match settled {
-            Ok(state) => tracing::warn!(%job, ?state, %setback, "job ends without a result"),
+            Ok(state) => {
+                tracing::warn!(%job, ?state, %setback, "job ends without a result");
+                self.settings.metrics.ended(state.name());
+            }
             // It had just ended by itself.
             Err(StoreError::LostClaim) => {}
             // Its lease runs out, and then it is put back.
@@ -137,28 +181,36 @@ impl Worker {
     }
 }
 
-/// What the job's owner is told, and whether another attempt may fare better.
-fn failure(setback: &Setback) -> (JobFailure, bool) {
+/// When another attempt may fare better.
+#[derive(Debug, Clone, Copy)]
+enum Retry {
+    Never,
+    AtOnce,
+    Later,
+}
+
+/// What the job's owner is told, and when another attempt may fare better.
+fn failure(setback: &Setback) -> (JobFailure, Retry) {
     let told = |code: &str, detail: String| JobFailure { code: code.to_owned(), detail };
     match setback {
         Setback::Analysis(error) => match error {
-            AnalysisError::Parameter { .. } => (told("parameter", error.to_string()), false),
-            AnalysisError::Cloud(_) => (told("cloud", error.to_string()), false),
-            AnalysisError::Unsupported(_) => (told("unsupported", error.to_string()), false),
-            AnalysisError::Numerical(_) => (told("numerical", error.to_string()), false),
+            AnalysisError::Parameter { .. } => (told("parameter", error.to_string()), Retry::Never),
+            AnalysisError::Cloud(_) => (told("cloud", error.to_string()), Retry::Never),
+            AnalysisError::Unsupported(_) => (told("unsupported", error.to_string()), Retry::Never),
+            AnalysisError::Numerical(_) => (told("numerical", error.to_string()), Retry::Never),
             // The order to cancel that led here arrives otherwise: this one nobody gave.
             AnalysisError::Canceled(Canceled) => {
-                (told("internal", "the computation ended without a reason".to_owned()), true)
+                (told("internal", "the computation ended without a reason".to_owned()), Retry::AtOnce)
             }
         },
         Setback::Compute(_) => {
-            (told("crashed", "the computation crashed in every attempt at it".to_owned()), true)
+            (told("crashed", "the computation crashed in every attempt at it".to_owned()), Retry::AtOnce)
         }
         Setback::Store(StoreError::Damaged(_)) => {
-            (told("internal", "the stored cloud or the result is damaged".to_owned()), false)
+            (told("internal", "the stored cloud or the result is damaged".to_owned()), Retry::Never)
         }
         Setback::Store(_) | Setback::Pulse(_) | Setback::Ordered(_) | Setback::Halted => {
-            (told("internal", "the result could not be stored".to_owned()), true)
+            (told("internal", "the result could not be stored".to_owned()), Retry::Later)
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::operator::{Sparse, Structure};
 use crate::progress::{Phase, Progress};
 
 /// Problems of at most this many points are solved densely.
-const DENSE_POINTS: usize = 500;
+pub const DENSE_POINTS: usize = 500;
 
 /// Larger shares `k/n` of the spectrum than this are solved densely.
 const DENSE_SHARE: f64 = 0.2;

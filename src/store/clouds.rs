@@ -10,14 +10,16 @@ use uuid::Uuid;
 use super::arrays::Checksum;
 use super::content::{self, Part};
 use super::rows::{cloud_record, cloud_with_id, from_word, hex, integer, to_json, word};
-use super::{CloudRecord, FieldRecord, Page, Store, StoreError, Submitted, detached, off_thread};
+use super::{
+    CloudRecord, FieldRecord, Milliseconds, Owner, Page, Store, StoreError, Submitted, detached, off_thread,
+};
 use crate::analysis::{JobKind, Parameters};
 use crate::cloud::{NonFinite, PointCloud, ScalarField};
 
 impl Store {
     /// Stores a cloud and, if asked, queues a job on it: one transaction, so that neither is there without the other.
     ///
-    /// Copies the cloud; [`Self::submit_shared`] does not.
+    /// Copies the cloud, which becomes nobody's; [`Self::submit_shared`] does neither.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -26,25 +28,27 @@ impl Store {
         cloud: &PointCloud,
         job: Option<(JobKind, Parameters)>,
     ) -> Result<Submitted, StoreError> {
-        self.submit_shared(Arc::new(cloud.clone()), job).await
+        self.submit_shared(&Owner::nobody(), Arc::new(cloud.clone()), job).await
     }
 
-    /// As [`Self::submit`].
+    /// As [`Self::submit`], for an owner: the same content of another owner is another cloud.
     ///
     /// # Errors
     /// [`StoreError`].
     pub async fn submit_shared(
         &self,
+        owner: &Owner,
         cloud: Arc<PointCloud>,
         job: Option<(JobKind, Parameters)>,
     ) -> Result<Submitted, StoreError> {
-        let store = self.clone();
+        let (store, owner) = (self.clone(), owner.clone());
         detached(async move {
+            store.disk.refuse_when_full()?;
             let examined = Arc::clone(&cloud);
             let (digest, duplicates) =
                 off_thread(move || Ok((content::digest(&examined)?, content::duplicates(&examined)))).await?;
             let mut transaction = store.write().await?;
-            let known = cloud_with_digest(&mut transaction, &digest).await?;
+            let known = cloud_with_digest(&mut transaction, &owner, &digest).await?;
             let cloud_created = known.is_none();
             let record = if let Some(record) = known {
                 record
@@ -53,12 +57,13 @@ impl Store {
                     store.refuse_when_full(&mut transaction).await?;
                 }
                 let id = Uuid::now_v7();
-                store.insert_cloud(&mut transaction, id, &cloud, &digest, duplicates).await?;
+                insert_cloud(&mut transaction, (id, &owner, store.now()), &cloud, &digest, duplicates)
+                    .await?;
                 cloud_with_id(&mut transaction, id).await?
             };
             let queued = match job {
                 Some((kind, parameters)) => {
-                    Some(store.enqueue(&mut transaction, record.id, kind, &parameters).await?)
+                    Some(store.enqueue(&mut transaction, &record, kind, &parameters).await?)
                 }
                 None => None,
             };
@@ -82,9 +87,10 @@ impl Store {
     ) -> Result<Submitted, StoreError> {
         let store = self.clone();
         detached(async move {
+            store.disk.refuse_when_full()?;
             let mut transaction = store.write().await?;
             let cloud = cloud_with_id(&mut transaction, cloud).await?;
-            let (job, job_created) = store.enqueue(&mut transaction, cloud.id, kind, &parameters).await?;
+            let (job, job_created) = store.enqueue(&mut transaction, &cloud, kind, &parameters).await?;
             transaction.commit().await?;
             store.announce();
             Ok(Submitted { cloud, job: Some(job), cloud_created: false, job_created })
@@ -134,14 +140,36 @@ impl Store {
         off_thread(move || assemble(&record, coordinates, fields, faces)).await
     }
 
-    /// Clouds, newest first, after `cursor`.
+    /// Whether `id` is a cloud or a job of `owner`.
     ///
     /// # Errors
     /// [`StoreError::Database`].
-    pub async fn clouds(&self, cursor: Option<Uuid>, limit: u32) -> Result<Page<CloudRecord>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM clouds");
+    pub async fn owns(&self, owner: &Owner, id: Uuid) -> Result<bool, StoreError> {
+        let owns = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM clouds WHERE id = ?1 AND owner = ?2) \
+             OR EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND owner = ?2)",
+        )
+        .bind(id)
+        .bind(owner.name())
+        .fetch_one(&self.readers)
+        .await?;
+        Ok(owns)
+    }
+
+    /// Clouds of an owner, newest first, after `cursor`.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn clouds(
+        &self,
+        owner: &Owner,
+        cursor: Option<Uuid>,
+        limit: u32,
+    ) -> Result<Page<CloudRecord>, StoreError> {
+        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM clouds WHERE owner = ");
+        query.push_bind(owner.name().to_owned());
         if let Some(cursor) = cursor {
-            query.push(" WHERE id < ").push_bind(cursor);
+            query.push(" AND id < ").push_bind(cursor);
         }
         query.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(limit.max(1)) + 1);
         let rows = query.build().fetch_all(&self.readers).await?;
@@ -177,60 +205,62 @@ impl Store {
         })
         .await
     }
+}
 
-    async fn insert_cloud(
-        &self,
-        connection: &mut SqliteConnection,
-        id: Uuid,
-        cloud: &PointCloud,
-        digest: &Checksum,
-        duplicates: u64,
-    ) -> Result<(), StoreError> {
-        let fields: Vec<FieldRecord> =
-            cloud.fields().iter().map(|f| FieldRecord { name: f.name.clone(), kind: f.kind }).collect();
-        sqlx::query(
-            "INSERT INTO clouds (id, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
-             coordinate_type, fields, faces) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11)",
-        )
-        .bind(id)
-        .bind(self.now())
-        .bind(digest.as_slice())
-        .bind(integer(cloud.len()))
-        .bind(integer(cloud.dimension()))
-        .bind(integer(cloud.nonfinite()))
-        .bind(integer(duplicates))
-        .bind(to_json(&cloud.bounding_box().unwrap_or_default())?)
-        .bind(word(&cloud.coordinate_type())?)
-        .bind(to_json(&fields)?)
-        .bind(integer(cloud.faces().len()))
-        .execute(&mut *connection)
-        .await?;
-        for part in Part::all(fields.len()) {
-            // Cut one by one: a second copy of the whole cloud never exists.
-            let mut chunk = 0;
-            while let Some((encoding, data)) = part.chunk(cloud, chunk) {
-                sqlx::query(
-                    "INSERT INTO cloud_chunks (cloud_id, part, chunk, encoding, data) VALUES (?1, ?2, ?3, ?4, ?5)",
-                )
-                .bind(id)
-                .bind(part.name())
-                .bind(integer(chunk))
-                .bind(word(&encoding)?)
-                .bind(data)
-                .execute(&mut *connection)
-                .await?;
-                chunk += 1;
-            }
+async fn insert_cloud(
+    connection: &mut SqliteConnection,
+    (id, owner, now): (Uuid, &Owner, Milliseconds),
+    cloud: &PointCloud,
+    digest: &Checksum,
+    duplicates: u64,
+) -> Result<(), StoreError> {
+    let fields: Vec<FieldRecord> =
+        cloud.fields().iter().map(|f| FieldRecord { name: f.name.clone(), kind: f.kind }).collect();
+    sqlx::query(
+        "INSERT INTO clouds (id, owner, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
+         coordinate_type, fields, faces) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+    )
+    .bind(id)
+    .bind(owner.name())
+    .bind(now)
+    .bind(digest.as_slice())
+    .bind(integer(cloud.len()))
+    .bind(integer(cloud.dimension()))
+    .bind(integer(cloud.nonfinite()))
+    .bind(integer(duplicates))
+    .bind(to_json(&cloud.bounding_box().unwrap_or_default())?)
+    .bind(word(&cloud.coordinate_type())?)
+    .bind(to_json(&fields)?)
+    .bind(integer(cloud.faces().len()))
+    .execute(&mut *connection)
+    .await?;
+    for part in Part::all(fields.len()) {
+        // Cut one by one: a second copy of the whole cloud never exists.
+        let mut chunk = 0;
+        while let Some((encoding, data)) = part.chunk(cloud, chunk) {
+            sqlx::query(
+                "INSERT INTO cloud_chunks (cloud_id, part, chunk, encoding, data) VALUES (?1, ?2, ?3, ?4, ?5)",
+            )
+            .bind(id)
+            .bind(part.name())
+            .bind(integer(chunk))
+            .bind(word(&encoding)?)
+            .bind(data)
+            .execute(&mut *connection)
+            .await?;
+            chunk += 1;
         }
-        Ok(())
     }
+    Ok(())
 }
 
 async fn cloud_with_digest(
     connection: &mut SqliteConnection,
+    owner: &Owner,
     digest: &Checksum,
 ) -> Result<Option<CloudRecord>, StoreError> {
-    let row = sqlx::query("SELECT * FROM clouds WHERE digest = ?1")
+    let row = sqlx::query("SELECT * FROM clouds WHERE owner = ?1 AND digest = ?2")
+        .bind(owner.name())
         .bind(digest.as_slice())
         .fetch_optional(connection)
         .await?;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{ConnectOptions, Connection, Row, SqlitePool};
+use sqlx::{ConnectOptions, Connection, Row, SqliteExecutor, SqlitePool};
 
 use super::StoreError;
 
@@ -74,11 +74,11 @@ fn is_recent(version: &str) -> bool {
     numbers.is_some_and(|numbers| numbers.as_slice() >= ENGINE_MIN.as_slice())
 }
 
-async fn check_owner(writer: &SqlitePool) -> Result<(), StoreError> {
+async fn check_owner(database: impl SqliteExecutor<'_>) -> Result<(), StoreError> {
     let row = sqlx::query(
         "SELECT application_id AS owner, (SELECT count(*) FROM sqlite_schema) AS objects FROM pragma_application_id",
     )
-    .fetch_one(writer)
+    .fetch_one(database)
     .await?;
     let (owner, objects): (i64, i64) = (row.try_get("owner")?, row.try_get("objects")?);
     if owner == APPLICATION_ID || (owner == 0 && objects == 0) {
@@ -87,16 +87,26 @@ async fn check_owner(writer: &SqlitePool) -> Result<(), StoreError> {
     Err(StoreError::Database("the file is a database of another application".to_owned()))
 }
 
-/// Copies the database as it is at one moment, compacted, and waits until the copy is on the disk. On a connection of
-/// its own: the readers' refuse every kind of writing.
-pub(super) async fn copy(readers: &SqlitePool, path: &Path) -> Result<(), StoreError> {
-    let name = path.to_str().ok_or_else(|| StoreError::Database("the path is not UTF-8".to_owned()))?;
-    let options = SqliteConnectOptions::clone(&readers.connect_options());
-    let mut connection = options.pragma("query_only", "OFF").connect().await?;
+/// Copies the database as it is at one moment, compacted, and waits until the copy is on the disk. The copy gets its
+/// name only then: what bears it is whole.
+pub(super) async fn copy(path: &Path, copy: &Path) -> Result<(), StoreError> {
+    let file = |error: std::io::Error| StoreError::Database(error.to_string());
+    if copy.try_exists().map_err(file)? {
+        return Err(StoreError::Database("the file of the copy is there already".to_owned()));
+    }
+    let mut partial = copy.as_os_str().to_owned();
+    partial.push(".partial");
+    let partial = Path::new(&partial);
+    let name = partial.to_str().ok_or_else(|| StoreError::Database("the path is not UTF-8".to_owned()))?;
+    if partial.try_exists().map_err(file)? {
+        std::fs::remove_file(partial).map_err(file)?;
+    }
+    let mut connection = SqliteConnectOptions::new().filename(path).busy_timeout(BUSY).connect().await?;
+    check_owner(&mut connection).await?;
     sqlx::query("VACUUM INTO ?1").bind(name).execute(&mut connection).await?;
     connection.close().await?;
-    let copied = tokio::fs::File::open(path).await.map_err(|e| StoreError::Database(e.to_string()))?;
-    copied.sync_all().await.map_err(|e| StoreError::Database(e.to_string()))
+    tokio::fs::File::open(partial).await.map_err(file)?.sync_all().await.map_err(file)?;
+    tokio::fs::rename(partial, copy).await.map_err(file)
 }
 
 #[cfg(test)]

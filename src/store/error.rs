@@ -15,6 +15,14 @@ pub enum StoreError {
         /// The limit.
         limit: u64,
     },
+    /// The analysis would take more memory than all analyses together may.
+    #[error("the analysis needs about {need} bytes of memory; the budget is {budget} bytes")]
+    OverBudget {
+        /// Bytes it is estimated to take.
+        need: u64,
+        /// Bytes that the analyses running at one time may take.
+        budget: u64,
+    },
     /// The writer's claim is no longer the current one.
     #[error("the claim was lost")]
     LostClaim,
@@ -24,7 +32,7 @@ pub enum StoreError {
     /// Stored bytes do not match their digest.
     #[error("stored data is damaged: {0}")]
     Damaged(String),
-    /// The disk, or the database file's largest size, is exhausted.
+    /// The disk is full, or as full as it may get.
     #[error("no space left for the database")]
     StorageFull,
     /// The database file, its version or its disk.

@@ -1,14 +1,28 @@
 //! Jobs as their owners see them: queued, listed, canceled, deleted.
 
+use std::collections::HashMap;
+
 use futures_util::TryStreamExt;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
-use super::rows::{job_record, job_with_id, select_jobs, to_json, word};
-use super::{JobRecord, JobState, Page, Store, StoreError, detached};
-use crate::analysis::{JobKind, Parameters};
+use super::rows::{from_word, integer, job_record, job_with_id, select_jobs, to_json, word};
+use super::{CloudRecord, JobRecord, JobState, Owner, Page, Store, StoreError, detached};
+use crate::analysis::{JobKind, Parameters, memory_estimate};
 
 impl JobState {
+    /// Lowercase name, as in the interface.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Running => "running",
+            Self::Succeeded => "succeeded",
+            Self::Failed => "failed",
+            Self::Canceled => "canceled",
+        }
+    }
+
     /// Whether a job in this state stays in it.
     #[must_use]
     pub fn is_terminal(self) -> bool {
@@ -28,18 +42,24 @@ impl Store {
         job_with_id(&mut *self.readers.acquire().await?, id).await
     }
 
-    /// Jobs, newest first, after `cursor`.
+    /// Jobs of an owner, newest first, after `cursor`; their reports come without spectra, which may be a hundred
+    /// kilobytes of JSON each.
     ///
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn jobs(
         &self,
+        owner: &Owner,
         state: Option<JobState>,
         cloud: Option<Uuid>,
         cursor: Option<Uuid>,
         limit: u32,
     ) -> Result<Page<JobRecord>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(concat!(select_jobs!(), "WHERE TRUE"));
+        let mut query = QueryBuilder::<Sqlite>::new(concat!(
+            select_jobs!("json_remove(j.report, '$.spectrum')"),
+            "WHERE j.owner = "
+        ));
+        query.push_bind(owner.name().to_owned());
         if let Some(state) = state {
             query.push(" AND j.state = ").push_bind(word(&state)?);
         }
@@ -54,24 +74,21 @@ impl Store {
         let mut rows = query.build().fetch(&self.readers);
         while let Some(row) = rows.try_next().await? {
             records.push(job_record(&row)?);
-            // A report is up to a hundred kilobytes of JSON: let others onto this thread between two.
+            // Rows that are ready already come without a pause: let others onto this thread between them.
             tokio::task::yield_now().await;
         }
         Ok(Page::cut(records, limit, |job| job.id))
     }
 
-    /// Number of jobs that wait, and number that run.
+    /// Number of jobs in every state in which there are any.
     ///
     /// # Errors
     /// [`StoreError::Database`].
-    pub async fn live_jobs(&self) -> Result<(u64, u64), StoreError> {
-        let (queued, running): (i64, i64) = sqlx::query_as(
-            "SELECT (SELECT count(*) FROM jobs WHERE state = 'queued'), \
-             (SELECT count(*) FROM jobs WHERE state = 'running')",
-        )
-        .fetch_one(&self.readers)
-        .await?;
-        Ok((queued as u64, running as u64))
+    pub async fn jobs_by_state(&self) -> Result<HashMap<JobState, u64>, StoreError> {
+        let counts: Vec<(String, i64)> = sqlx::query_as("SELECT state, count(*) FROM jobs GROUP BY state")
+            .fetch_all(&self.readers)
+            .await?;
+        counts.into_iter().map(|(state, jobs)| Ok((from_word(&state)?, jobs as u64))).collect()
     }
 
     /// Asks to cancel: a queued job ends at once, a running one at its next heartbeat and never with a result. A
@@ -134,10 +151,11 @@ impl Store {
     pub(super) async fn enqueue(
         &self,
         connection: &mut SqliteConnection,
-        cloud: Uuid,
+        cloud: &CloudRecord,
         kind: JobKind,
         parameters: &Parameters,
     ) -> Result<(JobRecord, bool), StoreError> {
+        let memory = memory_estimate(cloud.points, cloud.dimension, cloud.faces, kind, parameters);
         // Fields in the order of their declaration, numbers in their shortest form: equal parameters, equal text.
         let (kind, parameters) = (word(&kind)?, to_json(parameters)?);
         let same = sqlx::query(concat!(
@@ -145,7 +163,7 @@ impl Store {
             "WHERE j.cloud_id = ?1 AND j.kind = ?2 AND j.parameters = ?3 \
              AND j.state IN ('queued', 'running', 'succeeded') AND j.cancel_requested = 0"
         ))
-        .bind(cloud)
+        .bind(cloud.id)
         .bind(&kind)
         .bind(&parameters)
         .fetch_optional(&mut *connection)
@@ -153,16 +171,23 @@ impl Store {
         if let Some(row) = same {
             return Ok((job_record(&row)?, false));
         }
+        let budget = self.settings.memory_budget;
+        if memory > budget {
+            return Err(StoreError::OverBudget { need: memory, budget });
+        }
         self.refuse_when_full(connection).await?;
         let id = Uuid::now_v7();
         sqlx::query(
-            "INSERT INTO jobs (id, cloud_id, created, kind, parameters, state) VALUES (?1, ?2, ?3, ?4, ?5, 'queued')",
+            "INSERT INTO jobs (id, owner, cloud_id, created, kind, parameters, memory, state) \
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, 'queued')",
         )
         .bind(id)
-        .bind(cloud)
+        .bind(cloud.owner.name())
+        .bind(cloud.id)
         .bind(self.now())
         .bind(kind)
         .bind(parameters)
+        .bind(integer(memory))
         .execute(&mut *connection)
         .await?;
         Ok((job_with_id(connection, id).await?, true))

@@ -10,12 +10,15 @@ mod arrays;
 mod clouds;
 mod content;
 mod database;
+mod disk;
 mod error;
 mod jobs;
+mod owner;
 mod queue;
 mod reading;
 mod records;
 mod results;
+mod retention;
 mod rows;
 mod settings;
 
@@ -27,6 +30,7 @@ use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::watch;
 
 pub use error::StoreError;
+pub use owner::Owner;
 pub use records::{
     Claim, CloudRecord, FieldRecord, Heartbeat, JobFailure, JobRecord, JobState, Page, Submitted, Vitals,
 };
@@ -45,6 +49,7 @@ pub struct Store {
     writer: SqlitePool,
     readers: SqlitePool,
     settings: Arc<StoreSettings>,
+    disk: disk::Disk,
     changes: watch::Sender<u64>,
 }
 
@@ -63,7 +68,8 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn open_with(path: &Path, settings: StoreSettings) -> Result<Self, StoreError> {
         let (writer, readers) = database::open(path, settings.readers).await?;
-        Ok(Self { writer, readers, settings: Arc::new(settings), changes: watch::Sender::new(0) })
+        let disk = disk::Disk::of(path, settings.disk_floor);
+        Ok(Self { writer, readers, settings: Arc::new(settings), disk, changes: watch::Sender::new(0) })
     }
 
     /// Ends all connections and merges the write-ahead log into the file.
@@ -95,12 +101,13 @@ impl Store {
         .await
     }
 
-    /// Writes a compacted copy of the whole database, as of one moment, to a new file. Writers go on meanwhile.
+    /// Writes a compacted copy of the database at `path`, as of one moment, to the new file `copy`. Services that have it
+    /// open go on meanwhile; it is neither made nor migrated.
     ///
     /// # Errors
-    /// [`StoreError::Database`], also when `path` exists.
-    pub async fn backup(&self, path: &Path) -> Result<(), StoreError> {
-        database::copy(&self.readers, path).await
+    /// [`StoreError::Database`], also when `copy` exists.
+    pub async fn backup(path: &Path, copy: &Path) -> Result<(), StoreError> {
+        database::copy(path, copy).await
     }
 
     fn now(&self) -> Milliseconds {

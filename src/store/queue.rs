@@ -7,8 +7,8 @@
 use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
-use super::rows::{job_with_id, to_json, word};
-use super::{Claim, Heartbeat, JobFailure, JobState, Store, StoreError, Vitals, detached};
+use super::rows::{integer, job_with_id, to_json, word};
+use super::{Claim, Heartbeat, JobFailure, JobState, Milliseconds, Store, StoreError, Vitals, detached};
 use crate::analysis::Report;
 
 impl Store {
@@ -19,19 +19,32 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn claim(&self, process: Uuid) -> Result<Option<Claim>, StoreError> {
+        self.claim_within(process, u64::MAX).await
+    }
+
+    /// As [`Self::claim`], when the job is estimated to take at most `free` bytes of memory. A job that takes more keeps
+    /// those behind it waiting: were they let past, it might wait for ever.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn claim_within(&self, process: Uuid, free: u64) -> Result<Option<Claim>, StoreError> {
+        if !self.has_work().await? {
+            return Ok(None);
+        }
         let store = self.clone();
         detached(async move {
             let mut transaction = store.write().await?;
-            store.give_up_running(&mut transaction, None).await?;
+            let given_up = store.give_up_running(&mut transaction, None).await?;
             let claimed = sqlx::query(
                 "UPDATE jobs SET state = 'running', attempt = attempt + 1, lease = lease + 1, process_id = ?1, \
                  lease_until = ?2 + ?3, started = ?2, phase = 'preparation', progress = 0.0, phase_seconds = '[]' \
-                 WHERE id = (SELECT id FROM jobs WHERE state = 'queued' ORDER BY id LIMIT 1) \
-                 RETURNING id, lease",
+                 WHERE id = (SELECT id FROM jobs WHERE state = 'queued' AND not_before <= ?2 ORDER BY id LIMIT 1) \
+                 AND memory <= ?4 RETURNING id, lease",
             )
             .bind(process)
             .bind(store.now())
             .bind(store.settings.lease)
+            .bind(integer(free))
             .fetch_optional(&mut *transaction)
             .await?;
             let claim = match claimed {
@@ -42,10 +55,48 @@ impl Store {
                 None => None,
             };
             transaction.commit().await?;
-            store.announce();
+            if claim.is_some() || given_up > 0 {
+                store.announce();
+            }
             Ok(claim)
         })
         .await
+    }
+
+    /// Whether a job may be claimed or given up. Only reads: idle workers ask every second.
+    async fn has_work(&self) -> Result<bool, StoreError> {
+        let has_work = sqlx::query_scalar(
+            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'queued' AND not_before <= ?1) \
+             OR EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_until < ?1)",
+        )
+        .bind(self.now())
+        .fetch_one(&self.readers)
+        .await?;
+        Ok(has_work)
+    }
+
+    /// At start: ends the queued jobs that need more memory than there is now, which would wait for ever. Returns how
+    /// many there were.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn fail_over_budget(&self) -> Result<u64, StoreError> {
+        let budget = self.settings.memory_budget;
+        let failure = JobFailure {
+            code: "memory".to_owned(),
+            detail: format!(
+                "the analysis needs more memory than the budget of the service, which is now {budget} bytes"
+            ),
+        };
+        let failed = sqlx::query(
+            "UPDATE jobs SET state = 'failed', failure = ?2, finished = ?3 WHERE state = 'queued' AND memory > ?1",
+        )
+        .bind(integer(budget))
+        .bind(to_json(&failure)?)
+        .bind(self.now())
+        .execute(&self.writer)
+        .await?;
+        Ok(failed.rows_affected())
     }
 
     /// At start: every job that runs in a process other than `process` was left by a dead one. It goes back to its
@@ -151,8 +202,8 @@ impl Store {
         .await
     }
 
-    /// Ends the job with an error or, with `retry` and attempts left, puts it back into the queue (then, if somebody
-    /// asked to cancel it, it ends canceled). Returns the state after.
+    /// Ends the job with an error or, with a delay after which to `retry` and attempts left, puts it back into the queue
+    /// (then, if somebody asked to cancel it, it ends canceled). Returns the state after.
     ///
     /// # Errors
     /// [`StoreError::LostClaim`], [`StoreError::Database`].
@@ -160,14 +211,15 @@ impl Store {
         &self,
         claim: &Claim,
         failure: JobFailure,
-        retry: bool,
+        retry: Option<Milliseconds>,
     ) -> Result<JobState, StoreError> {
-        let state = if !retry || claim.job.attempt >= self.settings.attempts_max {
-            Ending::Failed(failure)
-        } else {
-            Ending::Requeued { attempts_back: 0 }
+        let ending = match retry {
+            Some(delay) if claim.job.attempt < self.settings.attempts_max => {
+                Ending::Requeued { attempts_back: 0, delay }
+            }
+            _ => Ending::Failed(failure),
         };
-        self.end(claim, state).await
+        self.end(claim, ending).await
     }
 
     /// Ends the job as canceled.
@@ -184,7 +236,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::LostClaim`], [`StoreError::Database`].
     pub async fn release(&self, claim: &Claim) -> Result<JobState, StoreError> {
-        self.end(claim, Ending::Requeued { attempts_back: 1 }).await
+        self.end(claim, Ending::Requeued { attempts_back: 1, delay: 0 }).await
     }
 
     async fn end(&self, claim: &Claim, ending: Ending) -> Result<JobState, StoreError> {
@@ -192,13 +244,15 @@ impl Store {
         detached(async move {
             let mut transaction = store.write().await?;
             let cancel = store.check_claim(&mut transaction, &claim).await? == Heartbeat::Cancel;
-            let (state, failure, attempts_back) = match ending {
-                Ending::Failed(failure) => (JobState::Failed, Some(to_json(&failure)?), 0),
-                Ending::Requeued { attempts_back } if !cancel => (JobState::Queued, None, attempts_back),
-                Ending::Requeued { .. } | Ending::Canceled => (JobState::Canceled, None, 0),
+            let (state, failure, attempts_back, delay) = match ending {
+                Ending::Failed(failure) => (JobState::Failed, Some(to_json(&failure)?), 0, 0),
+                Ending::Requeued { attempts_back, delay } if !cancel => {
+                    (JobState::Queued, None, attempts_back, delay)
+                }
+                Ending::Requeued { .. } | Ending::Canceled => (JobState::Canceled, None, 0, 0),
             };
             sqlx::query(
-                "UPDATE jobs SET state = ?2, failure = ?3, finished = ?4, attempt = attempt - ?5, \
+                "UPDATE jobs SET state = ?2, failure = ?3, finished = ?4, attempt = attempt - ?5, not_before = ?6, \
                  lease_until = NULL, process_id = NULL WHERE id = ?1",
             )
             .bind(claim.job.id)
@@ -206,6 +260,7 @@ impl Store {
             .bind(failure)
             .bind(state.is_terminal().then(|| store.now()))
             .bind(attempts_back)
+            .bind(store.now() + delay)
             .execute(&mut *transaction)
             .await?;
             transaction.commit().await?;
@@ -271,7 +326,7 @@ impl Store {
 enum Ending {
     Failed(JobFailure),
     Canceled,
-    Requeued { attempts_back: i64 },
+    Requeued { attempts_back: i64, delay: Milliseconds },
 }
 
 fn learned(cancel_requested: Option<bool>) -> Heartbeat {

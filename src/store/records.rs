@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::Milliseconds;
+use super::{Milliseconds, Owner};
 use crate::analysis::{JobKind, Parameters, Report};
 use crate::cloud::ScalarType;
 use crate::progress::Phase;
@@ -24,6 +24,8 @@ pub struct FieldRecord {
 pub struct CloudRecord {
     /// A `UUIDv7`.
     pub id: Uuid,
+    /// Whose it is.
+    pub owner: Owner,
     /// When it was stored.
     pub created: Milliseconds,
     /// SHA-256, hex, of coordinates, fields and faces: the same content has the same digest, whatever the format.
@@ -65,7 +67,7 @@ pub enum JobState {
 /// Why a job failed, in words for its owner.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JobFailure {
-    /// Stable word: `parameter`, `cloud`, `unsupported`, `numerical`, `crashed`, `internal`.
+    /// Stable word: `parameter`, `cloud`, `unsupported`, `numerical`, `memory`, `crashed`, `internal`.
     pub code: String,
     /// A sentence.
     pub detail: String,
@@ -88,6 +90,8 @@ pub struct JobRecord {
     pub phase: Option<Phase>,
     /// 0 to 1, never decreasing within an attempt.
     pub progress: f64,
+    /// Bytes that the analysis is estimated to take.
+    pub memory: u64,
     /// Claims so far, except those that an orderly stop gave back.
     pub attempt: u32,
     /// Somebody asked to cancel it.
@@ -104,7 +108,7 @@ pub struct JobRecord {
     pub phase_seconds: Vec<(Phase, f64)>,
     /// As submitted.
     pub parameters: Parameters,
-    /// Present when succeeded.
+    /// Present when succeeded; its spectrum is left out in listings.
     pub report: Option<Report>,
     /// Present when failed.
     pub failure: Option<JobFailure>,

@@ -8,15 +8,24 @@ use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
 use super::records::{CloudRecord, JobRecord};
-use super::{JobState, StoreError};
+use super::{JobState, Owner, StoreError};
 use crate::progress::Phase;
 
-/// Columns and tables from which [`job_record`] reads, to be followed by a condition on `j`.
+/// Columns and tables from which [`job_record`] reads, with an expression for the report, to be followed by a condition
+/// on `j`.
 macro_rules! select_jobs {
+    ($report:literal) => {
+        concat!(
+            "SELECT j.id, j.cloud_id, j.created, j.kind, j.parameters, j.state, j.phase, j.progress, j.phase_seconds, \
+             j.memory, j.attempt, j.cancel_requested, j.started, j.finished, j.failure, c.points, ",
+            $report,
+            " AS report, CASE j.state WHEN 'queued' THEN \
+             (SELECT count(*) FROM jobs q WHERE q.state = 'queued' AND q.id < j.id) END AS queue_position \
+             FROM jobs j JOIN clouds c ON c.id = j.cloud_id "
+        )
+    };
     () => {
-        "SELECT j.*, c.points, CASE j.state WHEN 'queued' THEN \
-         (SELECT count(*) FROM jobs q WHERE q.state = 'queued' AND q.id < j.id) END AS queue_position \
-         FROM jobs j JOIN clouds c ON c.id = j.cloud_id "
+        $crate::store::rows::select_jobs!("j.report")
     };
 }
 pub(super) use select_jobs;
@@ -41,6 +50,7 @@ pub(super) async fn cloud_with_id(
 pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
     Ok(CloudRecord {
         id: row.try_get("id")?,
+        owner: Owner::named(row.try_get("owner")?),
         created: row.try_get("created")?,
         digest: hex(row.try_get("digest")?),
         points: count(row, "points")?,
@@ -69,6 +79,7 @@ pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         state,
         phase,
         progress: row.try_get("progress")?,
+        memory: count(row, "memory")?,
         attempt: count(row, "attempt")? as u32,
         cancel_requested: row.try_get("cancel_requested")?,
         queue_position: queued_before.map(|position| position as u64),

@@ -13,6 +13,10 @@ pub struct StoreSettings {
     pub queue_max: u64,
     /// Most claims of one job, those not counted that an orderly stop gave back.
     pub attempts_max: u32,
+    /// Bytes that the analyses running at one time may be estimated to take; what needs more by itself is refused.
+    pub memory_budget: u64,
+    /// Bytes that stay free on the database's disk: below, nothing is taken on that would need room.
+    pub disk_floor: u64,
     /// How long a claim holds without a heartbeat, in milliseconds.
     pub lease: Milliseconds,
     /// Connections for reading.
@@ -23,7 +27,15 @@ pub struct StoreSettings {
 
 impl Default for StoreSettings {
     fn default() -> Self {
-        Self { queue_max: 1000, attempts_max: 3, lease: 60_000, readers: 8, clock: Clock::default() }
+        Self {
+            queue_max: 1000,
+            attempts_max: 3,
+            memory_budget: u64::MAX,
+            disk_floor: 0,
+            lease: 60_000,
+            readers: 8,
+            clock: Clock::default(),
+        }
     }
 }
 

@@ -4,9 +4,12 @@
 
 mod harmonics;
 mod jobs;
+mod limits;
 mod listing;
 mod openapi;
+mod operation;
 mod operators;
+mod owners;
 mod requests;
 mod results;
 mod service;

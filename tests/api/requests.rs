@@ -84,25 +84,6 @@ async fn every_path_of_the_index_answers() {
 }
 
 #[tokio::test]
-async fn with_keys_every_request_but_the_probes_needs_one() {
-    let directory = tempfile::tempdir().unwrap();
-    let file = directory.path().join("keys");
-    std::fs::write(&file, "# pipeline\nalpha\n").unwrap();
-    let service = Service::with_settings(|settings| settings.api_keys = Some(file)).await;
-    for path in ["/clouds", "/", "/nothing"] {
-        let response = service.get(path).await;
-        assert!(response.headers().contains_key("www-authenticate"));
-        problem(response, StatusCode::UNAUTHORIZED, "unauthorized").await;
-    }
-    let with =
-        async |key: &str| service.client.get(service.url("/clouds")).bearer_auth(key).send().await.unwrap();
-    problem(with("beta").await, StatusCode::UNAUTHORIZED, "unauthorized").await;
-    assert_eq!(with("alpha").await.status(), StatusCode::OK);
-    assert_eq!(service.get("/livez").await.status(), StatusCode::OK);
-    assert_eq!(service.get("/readyz").await.status(), StatusCode::OK);
-}
-
-#[tokio::test]
 async fn an_address_open_to_others_is_refused_without_keys() {
     let directory = tempfile::tempdir().unwrap();
     let settings = Settings {

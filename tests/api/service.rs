@@ -18,7 +18,7 @@ use tempfile::TempDir;
 pub(crate) struct Service {
     pub(crate) app: App,
     pub(crate) client: reqwest::Client,
-    directory: TempDir,
+    pub(crate) directory: TempDir,
 }
 
 impl Service {
@@ -47,9 +47,16 @@ impl Service {
 
     /// The same database under a new app.
     pub(crate) async fn restart(self) -> Self {
+        self.restart_with(|_| {}).await
+    }
+
+    /// The same database under a new app with other settings.
+    pub(crate) async fn restart_with(self, change: impl FnOnce(&mut Settings)) -> Self {
         let Self { app, client, directory } = self;
         app.shutdown().await;
-        let app = App::start(settings(&directory)).await.unwrap();
+        let mut settings = settings(&directory);
+        change(&mut settings);
+        let app = App::start(settings).await.unwrap();
         Self { app, client, directory }
     }
 

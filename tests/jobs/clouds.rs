@@ -2,7 +2,7 @@
 
 use chladni::analysis::JobKind;
 use chladni::cloud::{NonFinite, PointCloud, ScalarField, ScalarType};
-use chladni::store::{CHUNK_POINTS, FieldRecord, StoreError};
+use chladni::store::{CHUNK_POINTS, FieldRecord, Owner, StoreError};
 use futures_util::poll;
 use uuid::Uuid;
 
@@ -111,8 +111,8 @@ async fn the_same_content_submitted_at_once_from_many_sides_gives_one_cloud_and_
     let first = &submitted[0];
     assert!(submitted.iter().all(|s| s.cloud == first.cloud));
     assert!(submitted.iter().all(|s| s.job.as_ref().map(|j| j.id) == first.job.as_ref().map(|j| j.id)));
-    assert_eq!(store.clouds(None, 10).await.unwrap().items.len(), 1);
-    assert_eq!(store.jobs(None, None, None, 10).await.unwrap().items.len(), 1);
+    assert_eq!(store.clouds(&Owner::nobody(), None, 10).await.unwrap().items.len(), 1);
+    assert_eq!(store.jobs(&Owner::nobody(), None, None, None, 10).await.unwrap().items.len(), 1);
 }
 
 #[tokio::test]
@@ -126,8 +126,8 @@ async fn a_write_whose_caller_went_away_runs_to_its_end() {
         assert!(poll!(&mut submission).is_pending());
     }
     changes.changed().await.unwrap();
-    assert_eq!(store.clouds(None, 10).await.unwrap().items.len(), 1);
-    assert_eq!(store.jobs(None, None, None, 10).await.unwrap().items.len(), 1);
+    assert_eq!(store.clouds(&Owner::nobody(), None, 10).await.unwrap().items.len(), 1);
+    assert_eq!(store.jobs(&Owner::nobody(), None, None, None, 10).await.unwrap().items.len(), 1);
 }
 
 #[tokio::test]
@@ -137,7 +137,7 @@ async fn a_full_queue_refuses_the_cloud_with_its_job_but_not_an_analysis_that_is
     let first = submit(&store, &cloud(10, 1), 3).await;
     let refused = store.submit(&cloud(10, 2), Some((JobKind::Eigen, parameters(3)))).await;
     assert!(matches!(refused, Err(StoreError::QueueFull { limit: 1 })), "{refused:?}");
-    assert_eq!(store.clouds(None, 10).await.unwrap().items.len(), 1);
+    assert_eq!(store.clouds(&Owner::nobody(), None, 10).await.unwrap().items.len(), 1);
     assert!(matches!(
         store.submit_job(first.cloud_id, JobKind::Operator, parameters(3)).await,
         Err(StoreError::QueueFull { limit: 1 })
@@ -154,11 +154,11 @@ async fn clouds_are_listed_newest_first_in_pages() {
     for seed in 0..5 {
         ids.insert(0, store.submit(&cloud(4, seed), None).await.unwrap().cloud.id);
     }
-    let first = store.clouds(None, 2).await.unwrap();
-    let second = store.clouds(first.next, 2).await.unwrap();
+    let first = store.clouds(&Owner::nobody(), None, 2).await.unwrap();
+    let second = store.clouds(&Owner::nobody(), first.next, 2).await.unwrap();
     // A cursor stays good when what it points at is deleted.
     store.delete_cloud(second.next.unwrap()).await.unwrap();
-    let third = store.clouds(second.next, 2).await.unwrap();
+    let third = store.clouds(&Owner::nobody(), second.next, 2).await.unwrap();
     assert_eq!(third.next, None);
     let listed: Vec<Uuid> = [first, second, third].into_iter().flat_map(|p| p.items).map(|c| c.id).collect();
     assert_eq!(listed, ids);

@@ -2,10 +2,14 @@
 
 #![allow(clippy::unwrap_used)] // clippy.toml exempts test functions, but not what they share
 
+mod admission;
 mod clouds;
 mod durability;
+mod migrations;
 mod model;
+mod owners;
 mod queue;
 mod results;
+mod retention;
 mod stage;
 mod workers;

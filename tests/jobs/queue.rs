@@ -1,8 +1,10 @@
 //! The queue, one rule at a time. `model.rs` mixes them all.
 
+use std::collections::HashMap;
+
 use chladni::analysis::JobKind;
 use chladni::progress::Phase;
-use chladni::store::{ArrayName, Heartbeat, JobFailure, JobState, Numbers, StoreError, Vitals};
+use chladni::store::{ArrayName, Heartbeat, JobFailure, JobState, Numbers, Owner, StoreError, Vitals};
 use uuid::Uuid;
 
 use crate::stage::{
@@ -93,8 +95,8 @@ async fn whoever_lost_the_claim_can_write_nothing() {
         store.put_bases(&stale, vec![basis_values(5, 0)]).await,
         store.put_array(&stale, ArrayName::Mass, Numbers::F64(mass(5))).await,
         store.finish(&stale, &report(5, 2), &vitals()).await.map(|_| ()),
-        store.fail(&stale, failure(), false).await.map(|_| ()),
-        store.fail(&stale, failure(), true).await.map(|_| ()),
+        store.fail(&stale, failure(), None).await.map(|_| ()),
+        store.fail(&stale, failure(), Some(0)).await.map(|_| ()),
         store.cancel_claimed(&stale).await,
         store.release(&stale).await.map(|_| ()),
     ];
@@ -113,7 +115,7 @@ async fn an_error_of_the_input_ends_the_job_at_once_and_another_is_tried_again()
     let process = Uuid::now_v7();
     let job = submit(&store, &cloud(5, 1), 2).await;
     let claim = store.claim(process).await.unwrap().unwrap();
-    assert_eq!(store.fail(&claim, failure(), false).await.unwrap(), JobState::Failed);
+    assert_eq!(store.fail(&claim, failure(), None).await.unwrap(), JobState::Failed);
     let record = store.job(job.id).await.unwrap();
     assert_eq!((record.attempt, record.failure), (1, Some(failure())));
     assert_eq!(record.finished, Some(stage.now()));
@@ -124,7 +126,7 @@ async fn an_error_of_the_input_ends_the_job_at_once_and_another_is_tried_again()
         let claim = store.claim(process).await.unwrap().unwrap();
         assert_eq!((claim.job.id, claim.job.attempt), (again.id, attempt));
         let expected = if attempt < ATTEMPTS_MAX { JobState::Queued } else { JobState::Failed };
-        assert_eq!(store.fail(&claim, failure(), true).await.unwrap(), expected);
+        assert_eq!(store.fail(&claim, failure(), Some(0)).await.unwrap(), expected);
     }
     assert!(store.claim(process).await.unwrap().is_none());
 }
@@ -186,7 +188,7 @@ async fn a_canceled_job_whose_worker_dies_fails_to_store_or_stops_ends_canceled(
         store.request_cancel(job.id).await.unwrap();
         match ending {
             0 => assert_eq!(store.requeue_orphans(Uuid::now_v7()).await.unwrap(), 1),
-            1 => assert_eq!(store.fail(&claim, failure(), true).await.unwrap(), JobState::Canceled),
+            1 => assert_eq!(store.fail(&claim, failure(), Some(0)).await.unwrap(), JobState::Canceled),
             2 => assert_eq!(store.release(&claim).await.unwrap(), JobState::Canceled),
             _ => {
                 stage.advance(LEASE + 1);
@@ -263,7 +265,7 @@ async fn jobs_are_listed_newest_first_by_state_and_by_cloud() {
     let third = submit(&store, &cloud(5, 2), 2).await;
     store.request_cancel(second.id).await.unwrap();
     let listed = async |state, cloud, cursor, limit| {
-        let page = store.jobs(state, cloud, cursor, limit).await.unwrap();
+        let page = store.jobs(&Owner::nobody(), state, cloud, cursor, limit).await.unwrap();
         (page.items.into_iter().map(|job| job.id).collect::<Vec<_>>(), page.next)
     };
     assert_eq!(listed(None, None, None, 10).await, (vec![third.id, second.id, first.id], None));
@@ -274,5 +276,6 @@ async fn jobs_are_listed_newest_first_by_state_and_by_cloud() {
     let (page, next) = listed(None, None, None, 2).await;
     assert_eq!(page, [third.id, second.id]);
     assert_eq!(listed(None, None, next, 2).await, (vec![first.id], None));
-    assert_eq!(store.live_jobs().await.unwrap(), (2, 0));
+    let counted = store.jobs_by_state().await.unwrap();
+    assert_eq!(counted, HashMap::from([(JobState::Queued, 2), (JobState::Canceled, 1)]));
 }

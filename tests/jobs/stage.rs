@@ -36,18 +36,24 @@ impl Stage {
     }
 
     pub(crate) async fn open(&self) -> Store {
-        self.open_with_queue(1000).await
+        self.open_with(|_| {}).await
     }
 
     pub(crate) async fn open_with_queue(&self, queue_max: u64) -> Store {
+        self.open_with(|settings| settings.queue_max = queue_max).await
+    }
+
+    pub(crate) async fn open_with(&self, change: impl FnOnce(&mut StoreSettings)) -> Store {
         let clock = Arc::clone(&self.clock);
-        let settings = StoreSettings {
-            queue_max,
+        let mut settings = StoreSettings {
+            queue_max: 1000,
             attempts_max: ATTEMPTS_MAX,
             lease: LEASE,
             readers: 2,
             clock: Clock::new(move || clock.load(Ordering::SeqCst)),
+            ..StoreSettings::default()
         };
+        change(&mut settings);
         Store::open_with(&self.path(), settings).await.unwrap()
     }
 

@@ -1,5 +1,6 @@
 //! Workers, with analyses that do what the test tells them.
 
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
@@ -14,7 +15,7 @@ use uuid::Uuid;
 use crate::stage::{ATTEMPTS_MAX, Stage, basis, bits, cloud, mass, matrix, parameters, report, submit};
 
 /// Longer than any test takes; a test that waits this long has failed.
-const PATIENCE: Duration = Duration::from_mins(1);
+pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
 
 struct Made {
     report: Report,
@@ -48,7 +49,7 @@ fn made(n: usize, bases: usize) -> Box<dyn Results> {
 }
 
 /// An analysis that succeeds.
-fn succeeding() -> Arc<Analyze> {
+pub(crate) fn succeeding() -> Arc<Analyze> {
     Arc::new(|cloud, kind, parameters, _| {
         let mut report = report(cloud.len(), parameters.bases);
         if kind == JobKind::Operator {
@@ -71,13 +72,13 @@ fn counted(
 }
 
 /// Holds every analysis in its eigensolver until the test lets it go.
-struct Gate {
-    begun: tokio::sync::mpsc::UnboundedReceiver<()>,
-    let_go: mpsc::Sender<()>,
+pub(crate) struct Gate {
+    pub(crate) begun: tokio::sync::mpsc::UnboundedReceiver<()>,
+    pub(crate) let_go: mpsc::Sender<()>,
 }
 
 /// With `deaf`, the analysis notices a cancellation only when it is let go, as within a factorization.
-fn gated(deaf: bool) -> (Arc<Analyze>, Gate) {
+pub(crate) fn gated(deaf: bool) -> (Arc<Analyze>, Gate) {
     let (tell, begun) = tokio::sync::mpsc::unbounded_channel();
     let (let_go, gate) = mpsc::channel::<()>();
     let gate = Mutex::new(gate);
@@ -95,7 +96,7 @@ fn gated(deaf: bool) -> (Arc<Analyze>, Gate) {
     (analyze, Gate { begun, let_go })
 }
 
-fn quick() -> JobsSettings {
+pub(crate) fn quick() -> JobsSettings {
     let tick = Duration::from_millis(5);
     JobsSettings { heartbeat: tick, pulse: tick, poll: tick, ..JobsSettings::default() }
 }
@@ -106,7 +107,7 @@ async fn start(store: &Store, analyze: Arc<Analyze>) -> Jobs {
 }
 
 /// The job once it is as wanted: looked at whenever the store says that something changed.
-async fn job_when(store: &Store, id: Uuid, wanted: impl Fn(&JobRecord) -> bool) -> JobRecord {
+pub(crate) async fn job_when(store: &Store, id: Uuid, wanted: impl Fn(&JobRecord) -> bool) -> JobRecord {
     let mut changes = store.changes();
     let wait = async {
         loop {
@@ -267,9 +268,10 @@ async fn as_many_jobs_run_at_once_as_was_asked_for() {
     }
     gate.begun.recv().await.unwrap();
     gate.begun.recv().await.unwrap();
-    assert_eq!(store.live_jobs().await.unwrap(), (1, 2));
+    let counted = store.jobs_by_state().await.unwrap();
+    assert_eq!(counted, HashMap::from([(JobState::Queued, 1), (JobState::Running, 2)]));
     jobs.stop(Duration::ZERO).await;
-    assert_eq!(store.live_jobs().await.unwrap(), (3, 0));
+    assert_eq!(store.jobs_by_state().await.unwrap(), HashMap::from([(JobState::Queued, 3)]));
 }
 
 #[tokio::test]

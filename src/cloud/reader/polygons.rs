@@ -16,9 +16,13 @@ impl Triangles {
 
     /// Adds a polygon as a fan around its first corner: `(0, 1, 2), (0, 2, 3), …`, in the polygon's orientation.
     pub(super) fn push_fan(&mut self, corners: &[u32]) -> Result<(), ReadError> {
-        for pair in corners.windows(2).skip(1) {
-            self.push([corners[0], pair[0], pair[1]])?;
+        let triangles = corners.len().saturating_sub(2);
+        if self.triangles.len() + triangles > self.faces_max {
+            return Err(ReadError::TooManyFaces { faces_max: self.faces_max });
         }
+        // At once: grown by and by, a polygon of a million corners takes twice what it needs.
+        self.triangles.reserve(triangles);
+        self.triangles.extend(corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]));
         Ok(())
     }
 

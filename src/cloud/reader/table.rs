@@ -2,8 +2,12 @@
 
 use super::columns::{Column, Columns, leading_dimension, ragged};
 use super::text::{Line, Lines, number, number_at, rows_at_most};
-use super::{Format, ReadError, ReadOptions};
+use super::{Format, Limits, ReadError, ReadOptions};
 use crate::cloud::PointCloud;
+
+/// Cells of a line that are looked at before its columns are known. A line without end is no table, and is not to be
+/// taken apart as one.
+const CELLS_MAX: usize = 4096;
 
 /// How a table is written.
 #[derive(Debug, Clone, Copy)]
@@ -36,20 +40,25 @@ impl Dialect {
         }
     }
 
-    /// The cells of a line.
+    /// The cells of a line, the first [`CELLS_MAX`] of them at most.
     pub(super) fn split(self, text: &[u8]) -> Vec<&[u8]> {
         let mut cells = Vec::new();
-        let Ok(()) = self.cells(text, |cell| {
+        // Ends early by its only error.
+        let _ = self.cells(text, |cell| {
             cells.push(cell);
-            Ok::<(), std::convert::Infallible>(())
+            if cells.len() < CELLS_MAX { Ok(()) } else { Err(()) }
         });
         cells
     }
 
-    /// The numbers of a row.
-    fn row(self, text: &[u8], line: usize, row: &mut Vec<f64>) -> Result<(), ReadError> {
+    /// The numbers of a row, no more of them than a point may have.
+    fn row(self, text: &[u8], line: usize, row: &mut Vec<f64>, limits: &Limits) -> Result<(), ReadError> {
         row.clear();
         self.cells(text, |cell| {
+            if row.len() >= limits.dimension_max.saturating_add(limits.fields_max) {
+                let fields = limits.fields_max.saturating_add(1);
+                return Err(ReadError::TooManyFields { fields, fields_max: limits.fields_max });
+            }
             if cell.is_empty() {
                 let message = format!("column {} is empty; write nan for a missing value", row.len() + 1);
                 return Err(ReadError::line(self.format, line, message));
@@ -62,7 +71,7 @@ impl Dialect {
     /// Column names in a line, if none of its cells is a number.
     pub(super) fn names(self, text: &[u8]) -> Option<Vec<String>> {
         let cells = self.split(text);
-        let named = !cells.is_empty() && cells.iter().all(|cell| number(cell).is_none());
+        let named = (1..CELLS_MAX).contains(&cells.len()) && cells.iter().all(|cell| number(cell).is_none());
         named.then(|| cells.iter().map(|cell| String::from_utf8_lossy(cell).into_owned()).collect())
     }
 }
@@ -91,7 +100,7 @@ pub(super) fn read(
         if text.is_empty() {
             continue;
         }
-        dialect.row(text, line.number, &mut row)?;
+        dialect.row(text, line.number, &mut row, &options.limits)?;
         if table.is_none() {
             if let Some(names) = names
                 && names.len() != row.len()

@@ -1,0 +1,36 @@
+//! `chladni backup`: a copy of the database, made while the service runs.
+
+use std::path::PathBuf;
+
+use chladni::app::backup;
+
+use super::{Failure, block_on};
+
+/// Copy the database into a new file, as of one moment, while the service goes on.
+#[derive(Debug, clap::Args)]
+pub(crate) struct BackupArgs {
+    /// The file to write; it must not be there yet. It is a database to serve from, as it is.
+    copy: PathBuf,
+
+    /// File of the database.
+    #[arg(long, env = "CHLADNI_DATABASE", value_name = "FILE", default_value = "chladni.db")]
+    database: PathBuf,
+}
+
+/// Writes the copy.
+///
+/// # Errors
+/// [`Failure`]: nothing to copy, a file that is there already, or a full disk.
+#[allow(clippy::print_stdout)] // tells what was done
+pub(crate) fn run(args: &BackupArgs) -> Result<(), Failure> {
+    if !args.database.is_file() {
+        return Err(Failure::Input(format!("there is no database at {}", args.database.display())));
+    }
+    if args.copy.exists() {
+        return Err(Failure::Input(format!("{} is there already", args.copy.display())));
+    }
+    block_on(backup(&args.database, &args.copy))?;
+    let bytes = std::fs::metadata(&args.copy).map_err(Failure::other)?.len();
+    println!("{}: {bytes} bytes", args.copy.display());
+    Ok(())
+}

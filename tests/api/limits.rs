@@ -1,0 +1,289 @@
+//! Every limit, crossed; and every limit, told.
+
+use std::collections::BTreeSet;
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::Duration;
+
+use chladni::app::Settings;
+use chladni::cloud::reader::Format;
+use clap::{Args, Command};
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use reqwest::{Response, StatusCode};
+use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+use serde_json::Value;
+
+use crate::service::{Service, detail, file, lines, never_finishing, problem, sphere};
+
+/// Settings that bound something, each with its name in `/capabilities`.
+const LIMITS: [(&str, &str); 19] = [
+    ("max-body", "body_bytes"),
+    ("max-decoded", "decoded_bytes"),
+    ("ratio-max", "decoded_ratio_max"),
+    ("body-seconds", "body_seconds"),
+    ("stall-seconds", "stall_seconds"),
+    ("header-seconds", "header_seconds"),
+    ("connections-max", "connections_max"),
+    ("body-memory", "body_memory_bytes"),
+    ("points-max", "points_max"),
+    ("dimension-max", "dimension_max"),
+    ("fields-max", "fields_max"),
+    ("faces-max", "faces_max"),
+    ("bases-max", "bases_max"),
+    ("queue-max", "queue_max"),
+    ("jobs-at-once", "jobs_at_once"),
+    ("memory-budget", "memory_budget_bytes"),
+    ("disk-floor", "disk_floor_bytes"),
+    ("keep-jobs-days", "keep_jobs_days"),
+    ("keep-clouds-days", "keep_clouds_days"),
+];
+
+/// Settings that bound nothing for a client.
+const NO_LIMITS: [&str; 7] =
+    ["listen", "database", "threads", "grace-seconds", "api-keys", "keys", "allow-public"];
+
+#[tokio::test]
+async fn every_setting_that_is_a_limit_is_told_with_its_value() {
+    let command = Settings::augment_args(Command::new("serve"));
+    let flags: BTreeSet<_> = command.get_arguments().filter_map(|argument| argument.get_long()).collect();
+    let known: BTreeSet<_> = LIMITS.iter().map(|(flag, _)| *flag).chain(NO_LIMITS).collect();
+    assert_eq!(flags, known, "a new setting is a limit, to be told in /capabilities, or it is none");
+
+    // Values that are all different, given as flags.
+    let values: Vec<String> = (0..LIMITS.len()).map(|place| (101 + place).to_string()).collect();
+    let flags = LIMITS.iter().zip(&values).map(|((flag, _), value)| match *flag {
+        "dimension-max" => "--dimension-max=5".to_owned(),
+        _ => format!("--{flag}={value}"),
+    });
+    let matches = command.get_matches_from(std::iter::once("serve".to_owned()).chain(flags));
+    let given = <Settings as clap::FromArgMatches>::from_arg_matches(&matches).unwrap();
+    let service = Service::with_settings(|settings| {
+        let (listen, database) = (settings.listen, settings.database.clone());
+        *settings = Settings { listen, database, ..given };
+    })
+    .await;
+    let told = service.json("/capabilities").await["limits"].clone();
+    for ((flag, name), value) in LIMITS.iter().zip(&values) {
+        let expected = if *flag == "dimension-max" { 5 } else { value.parse::<u64>().unwrap() };
+        assert_eq!(told[name], expected, "{flag}");
+    }
+}
+
+#[tokio::test]
+async fn more_coordinates_than_the_limit_are_refused() {
+    let service = Service::with_settings(|settings| settings.dimension_max = 2).await;
+    let refused = service.post("/clouds?format=xyz&coordinates=3", lines(&[[1.0, 2.0, 3.0]; 9])).await;
+    let refused = problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "unusable-cloud").await;
+    assert!(detail(&refused).contains('2'), "{refused}");
+}
+
+#[tokio::test]
+async fn more_fields_and_more_faces_than_the_limit_are_refused() {
+    let service = Service::with_settings(|settings| (settings.fields_max, settings.faces_max) = (1, 0)).await;
+    let fields = service.post("/clouds?format=xyz", b"1 2 3 4 5\n".repeat(9)).await;
+    problem(fields, StatusCode::PAYLOAD_TOO_LARGE, "too-large").await;
+    let faces = b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n".to_vec();
+    problem(service.post("/clouds", faces).await, StatusCode::PAYLOAD_TOO_LARGE, "too-large").await;
+}
+
+#[tokio::test]
+async fn a_job_over_the_memory_budget_is_refused_with_need_and_budget() {
+    let service = Service::with_settings(|settings| settings.memory_budget = 200_000).await;
+    let refused = service.post("/clouds?bases=5", file(&sphere(100), Format::Ply)).await;
+    let refused = problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "over-budget").await;
+    assert_eq!(refused["budget"], 200_000);
+    assert!(refused["need"].as_u64().unwrap() > 200_000, "{refused}");
+    assert!(service.json("/clouds").await["clouds"].as_array().unwrap().is_empty(), "nothing is left of it");
+    let stored = service.post("/clouds?analyze=false", file(&sphere(100), Format::Ply)).await;
+    let stored: Value = stored.json().await.unwrap();
+    let jobs = format!("/clouds/{}/jobs", stored["cloud"]["id"].as_str().unwrap());
+    let refused = service.post(&jobs, "{\"bases\": 5}").await;
+    problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "over-budget").await;
+}
+
+#[tokio::test]
+async fn a_disk_that_is_too_full_takes_nothing_and_gives_what_it_has() {
+    let service = Service::with_settings(|settings| settings.disk_floor = u64::MAX).await;
+    let refused = service.post("/clouds?analyze=false", file(&sphere(100), Format::Ply)).await;
+    problem(refused, StatusCode::INSUFFICIENT_STORAGE, "storage-full").await;
+    assert_eq!(service.get("/clouds").await.status(), StatusCode::OK);
+}
+
+#[tokio::test]
+async fn a_body_that_the_service_has_no_memory_for_is_refused_with_the_largest_it_has() {
+    let service = Service::with_settings(|settings| settings.body_memory = 1 << 20).await;
+    let refused = service.post("/clouds?format=xyz", b"1 2 3\n".repeat(50_000)).await;
+    let refused = problem(refused, StatusCode::PAYLOAD_TOO_LARGE, "too-large").await;
+    assert_eq!(refused["limit"], (1 << 20) / 5);
+    let accepted = service.post("/clouds?analyze=false", file(&sphere(100), Format::Ply)).await;
+    assert_eq!(accepted.status(), StatusCode::CREATED);
+}
+
+#[tokio::test]
+async fn a_body_that_finds_no_memory_free_is_told_when_to_try_again() {
+    // Room for 200 kB; a client that sends slowly holds 150 kB of it.
+    let service = Service::with_settings(|settings| settings.body_memory = 1 << 20).await;
+    let (address, length) = (service.app.address(), 150_000);
+    let (tell, told) = tokio::sync::oneshot::channel();
+    let slow = std::thread::spawn(move || {
+        let mut stream = TcpStream::connect(address).unwrap();
+        let head =
+            format!("POST /clouds?format=xyz HTTP/1.1\r\nHost: x\r\nContent-Length: {length}\r\n\r\n1 2 3\n");
+        stream.write_all(head.as_bytes()).unwrap();
+        let _ = told.blocking_recv();
+    });
+    let chunk = || b"4 5 6\n".repeat(20_000);
+    loop {
+        // Of unknown length, so that it does not wait for room.
+        let body = reqwest::Body::wrap_stream(futures_util::stream::iter([Ok::<_, std::io::Error>(chunk())]));
+        let answer = service.post("/clouds?format=xyz&analyze=false", body).await;
+        if answer.status() == StatusCode::SERVICE_UNAVAILABLE {
+            assert!(answer.headers().contains_key("retry-after"));
+            problem(answer, StatusCode::SERVICE_UNAVAILABLE, "unavailable").await;
+            break;
+        }
+        // The slow client was not there yet.
+        assert!(answer.status().is_success());
+    }
+    tell.send(()).unwrap();
+    slow.join().unwrap();
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+fn zstd(bytes: &[u8]) -> Vec<u8> {
+    compress_to_vec(bytes, CompressionLevel::Fastest)
+}
+
+async fn send_encoded(service: &Service, path: &str, encoding: &str, body: Vec<u8>) -> Response {
+    let request = service.client.post(service.url(path)).header("content-encoding", encoding);
+    request.body(body).send().await.unwrap()
+}
+
+#[tokio::test]
+async fn compressed_bodies_are_the_same_as_plain_ones_everywhere() {
+    let service = Service::start().await;
+    let cloud = file(&sphere(100), Format::Xyz);
+    let plain: Value = service.post("/clouds?analyze=false", cloud.clone()).await.json().await.unwrap();
+    for (encoding, compressed) in [("gzip", gzip(&cloud)), ("zstd", zstd(&cloud))] {
+        let sent = send_encoded(&service, "/clouds?analyze=false", encoding, compressed).await;
+        let sent: Value = sent.json().await.unwrap();
+        assert_eq!(sent["cloud"]["id"], plain["cloud"]["id"], "{encoding}");
+    }
+    let jobs = format!("/clouds/{}/jobs", plain["cloud"]["id"].as_str().unwrap());
+    let sent = send_encoded(&service, &jobs, "gzip", gzip(b"{\"bases\": 3}")).await;
+    assert_eq!(sent.status(), StatusCode::ACCEPTED);
+    assert_eq!(sent.json::<Value>().await.unwrap()["job"]["parameters"]["bases"], 3);
+}
+
+#[tokio::test]
+async fn an_encoding_that_is_not_known_is_refused_with_those_that_are() {
+    let service = Service::start().await;
+    let refused = send_encoded(&service, "/clouds", "br", b"x".to_vec()).await;
+    assert_eq!(refused.headers()["accept-encoding"], "gzip, zstd");
+    problem(refused, StatusCode::UNSUPPORTED_MEDIA_TYPE, "unsupported-encoding").await;
+}
+
+#[tokio::test]
+async fn a_body_that_decompresses_beyond_the_limits_is_refused() {
+    let service = Service::with_settings(|settings| settings.max_decoded = 10_000).await;
+    let cloud = file(&sphere(500), Format::Xyz);
+    for (encoding, compressed) in [("gzip", gzip(&cloud)), ("zstd", zstd(&cloud))] {
+        let refused = send_encoded(&service, "/clouds", encoding, compressed).await;
+        let refused = problem(refused, StatusCode::PAYLOAD_TOO_LARGE, "too-large").await;
+        assert_eq!(refused["limit"], 10_000);
+    }
+    let service = Service::with_settings(|settings| settings.ratio_max = 10).await;
+    let bomb = vec![b'0'; 20 << 20];
+    for (encoding, compressed) in [("gzip", gzip(&bomb)), ("zstd", zstd(&bomb))] {
+        let refused = send_encoded(&service, "/clouds?format=xyz", encoding, compressed).await;
+        let refused = problem(refused, StatusCode::PAYLOAD_TOO_LARGE, "too-large").await;
+        assert!(detail(&refused).contains("10 times"), "{refused}");
+    }
+}
+
+#[tokio::test]
+async fn a_body_that_is_not_what_its_encoding_says_is_refused() {
+    let service = Service::start().await;
+    for encoding in ["gzip", "zstd"] {
+        let refused = send_encoded(&service, "/clouds", encoding, b"0 0 0\n".to_vec()).await;
+        problem(refused, StatusCode::BAD_REQUEST, "malformed-request").await;
+    }
+}
+
+#[tokio::test]
+async fn a_body_that_trickles_is_given_up_after_its_time() {
+    let service = Service::with_settings(|settings| settings.body_seconds = 1).await;
+    let trickle = futures_util::stream::unfold((), |()| async {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+        Some((Ok::<_, std::io::Error>(b"1 2 3\n".to_vec()), ()))
+    });
+    let refused = service.post("/clouds", reqwest::Body::wrap_stream(trickle)).await;
+    let refused = problem(refused, StatusCode::REQUEST_TIMEOUT, "request-timeout").await;
+    assert!(detail(&refused).contains("longer than 1 second"), "{refused}");
+}
+
+/// Connects, sends `sent`, takes nothing, and returns once the service has closed the connection.
+fn until_closed(address: SocketAddr, sent: &[u8], take: bool) -> std::io::Result<usize> {
+    let mut stream = TcpStream::connect(address)?;
+    stream.write_all(sent)?;
+    if take { stream.read_to_end(&mut Vec::new()) } else { Ok(0) }
+}
+
+#[tokio::test]
+async fn connections_over_the_cap_wait_until_one_ends_and_idle_ones_are_ended() {
+    let service = Service::with_settings(|settings| {
+        (settings.connections_max, settings.header_seconds) = (2, 1);
+    })
+    .await;
+    let address = service.app.address();
+    // Two that never finish their heads hold both places, until their time is over.
+    let idle = [(); 2].map(|()| {
+        tokio::task::spawn_blocking(move || until_closed(address, b"GET / HTTP/1.1\r\nHost: x\r\n", true))
+    });
+    // This one waits behind them; its client would wait half a minute.
+    let answered = service.client.get(service.url("/livez")).timeout(Duration::from_secs(30)).send();
+    assert_eq!(answered.await.unwrap().status(), StatusCode::OK);
+    for ended in idle {
+        ended.await.unwrap().unwrap();
+    }
+}
+
+#[tokio::test]
+async fn a_client_that_takes_no_answer_is_closed() {
+    let service = Service::with_settings(|settings| {
+        (settings.connections_max, settings.stall_seconds) = (1, 1);
+    })
+    .await;
+    // More than the sockets of both sides hold.
+    let points: Vec<[f64; 3]> = (0..400_000).map(|i| [f64::from(i) / 3.0, 0.1, 0.2]).collect();
+    let mut npy =
+        b"\x93NUMPY\x01\x00\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': (400000, 3), }".to_vec();
+    npy.resize(127, b' ');
+    npy.push(b'\n');
+    npy.extend(points.iter().flatten().flat_map(|x| x.to_le_bytes()));
+    let stored: Value = service.post("/clouds?analyze=false", npy).await.json().await.unwrap();
+    let path = stored["links"]["points"].as_str().unwrap().to_owned();
+    let service = Service { client: reqwest::Client::new(), ..service };
+    let mut deaf = TcpStream::connect(service.app.address()).unwrap();
+    deaf.write_all(format!("GET {path}?format=json HTTP/1.1\r\nHost: x\r\n\r\n").as_bytes()).unwrap();
+    let answered = service.client.get(service.url("/livez")).timeout(Duration::from_mins(1)).send();
+    assert_eq!(answered.await.unwrap().status(), StatusCode::OK, "the only place is free again");
+    drop(deaf);
+}
+
+#[tokio::test]
+async fn as_many_jobs_run_at_once_as_the_setting_says() {
+    let service = Service::start_with(|settings| settings.jobs_at_once = 2, never_finishing()).await;
+    for points in [100, 101, 102] {
+        service.accept("bases=2", file(&sphere(points), Format::Ply)).await;
+    }
+    let running = async || service.json("/jobs?state=running").await["jobs"].as_array().unwrap().len();
+    while running().await < 2 {}
+    assert_eq!(service.json("/jobs?state=queued").await["jobs"].as_array().unwrap().len(), 1);
+}

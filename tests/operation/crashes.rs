@@ -1,0 +1,216 @@
+//! Kills the service over and over, at random and at chosen places, and asks what is left.
+//!
+//! The chosen places need no help from the service: SQLite lets one process write at a time, so a test that holds the
+//! write lock sees exactly how far a job's result is stored, and the service can go no further before it is killed.
+//!
+//! 50 rounds; `CHLADNI_CRASH_ROUNDS=1000` does more, `CHLADNI_CRASH_SEED` repeats a run.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, SqliteConnection};
+use uuid::Uuid;
+
+use crate::process::{Process, sphere, submit};
+
+/// Clouds that every round submits.
+const SUBMISSIONS: usize = 3;
+const BASES: usize = 3;
+
+/// How far a running job is, as the database tells.
+const CLAIMED: &str = "SELECT count(*) FROM jobs WHERE state = 'running'";
+const MASS_STORED: &str =
+    "SELECT count(*) FROM jobs j JOIN arrays a ON a.job_id = j.id WHERE j.state = 'running'";
+const BASES_STORED: &str =
+    "SELECT count(*) FROM jobs j JOIN bases b ON b.job_id = j.id WHERE j.state = 'running'";
+
+/// When to kill.
+#[derive(Debug, Clone, Copy)]
+enum Moment {
+    After(Duration),
+    /// As soon as this counts something, or nothing is left to do.
+    When(&'static str),
+}
+
+fn number(variable: &str, otherwise: u64) -> u64 {
+    std::env::var(variable).map_or(otherwise, |text| text.parse().unwrap())
+}
+
+async fn open(database: &Path) -> SqliteConnection {
+    SqliteConnectOptions::new().filename(database).connect().await.unwrap()
+}
+
+async fn count(file: &mut SqliteConnection, query: &'static str) -> i64 {
+    sqlx::query_scalar(query).fetch_one(file).await.unwrap()
+}
+
+/// Kills the process at its moment. What it was doing then, it holds no lock for.
+async fn kill_at(process: &mut Process, database: &Path, moment: Moment) {
+    match moment {
+        Moment::After(pause) => {
+            tokio::time::sleep(pause).await;
+            process.kill();
+        }
+        Moment::When(reached) => {
+            let mut file = open(database).await;
+            loop {
+                sqlx::query("BEGIN IMMEDIATE").execute(&mut file).await.unwrap();
+                let idle = count(
+                    &mut file,
+                    "SELECT NOT EXISTS (SELECT 1 FROM jobs WHERE state IN ('queued', 'running'))",
+                )
+                .await;
+                if idle == 1 || count(&mut file, reached).await > 0 {
+                    process.kill();
+                    break;
+                }
+                sqlx::query("ROLLBACK").execute(&mut file).await.unwrap();
+            }
+        }
+    }
+}
+
+/// What must hold at any moment, whatever was killed.
+async fn assert_sound(database: &Path, acknowledged: &[String]) {
+    let mut file = open(database).await;
+    let verdict: Vec<String> =
+        sqlx::query_scalar("PRAGMA integrity_check").fetch_all(&mut file).await.unwrap();
+    assert_eq!(verdict, ["ok"]);
+    assert_eq!(sqlx::query("PRAGMA foreign_key_check").fetch_all(&mut file).await.unwrap().len(), 0);
+    for job in acknowledged {
+        let id: Uuid = job.parse().unwrap();
+        let stored: i64 = sqlx::query_scalar("SELECT count(*) FROM jobs WHERE id = ?1")
+            .bind(id)
+            .fetch_one(&mut file)
+            .await
+            .unwrap();
+        assert_eq!(stored, 1, "job {job} was acknowledged and is lost");
+    }
+    // A result is whole as soon as it is visible.
+    let partial = "SELECT count(*) FROM jobs j WHERE state = 'succeeded' AND (\
+        (SELECT count(*) FROM bases b WHERE b.job_id = j.id) <> json_extract(parameters, '$.bases') OR \
+        (SELECT count(*) FROM basis_chunks b WHERE b.job_id = j.id) <> json_extract(parameters, '$.bases') OR \
+        (SELECT count(*) FROM array_chunks a WHERE a.job_id = j.id) <> 1)";
+    assert_eq!(count(&mut file, partial).await, 0, "a result is visible in part");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn whatever_is_killed_when_no_acknowledged_job_is_lost_and_no_result_is_partial() {
+    let (rounds, seed) =
+        (number("CHLADNI_CRASH_ROUNDS", 50), number("CHLADNI_CRASH_SEED", Uuid::now_v7().as_u64_pair().1));
+    println!("{rounds} rounds from CHLADNI_CRASH_SEED={seed}");
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let directory = tempfile::tempdir().unwrap();
+    let database = directory.path().join("crash.db");
+    let acknowledged = Arc::new(Mutex::new(Vec::new()));
+    for round in 0..rounds {
+        let mut process = Process::start(&database);
+        let clouds: Vec<_> = (0..SUBMISSIONS).map(|_| sphere(random.random_range(30..130))).collect();
+        let (client, address, told) =
+            (process.client.clone(), process.address.clone(), Arc::clone(&acknowledged));
+        let submitting = tokio::spawn(async move {
+            for cloud in clouds {
+                // Another tolerance: another job, also on a cloud that is there already.
+                let query = format!("bases={BASES}&operator=voronoi&tolerance=1e-{}", 3 + round % 8);
+                let Ok(job) = submit(&client, &address, &query, cloud).await else { return };
+                told.lock().unwrap().push(job);
+            }
+        });
+        let moment = match random.random_range(0..6) {
+            0 => Moment::When(CLAIMED),
+            1 => Moment::When(MASS_STORED),
+            2 => Moment::When(BASES_STORED),
+            _ => Moment::After(Duration::from_millis(random.random_range(0..150))),
+        };
+        if matches!(moment, Moment::When(_)) {
+            // There is something to wait for.
+            while acknowledged.lock().unwrap().is_empty() && !submitting.is_finished() {
+                tokio::task::yield_now().await;
+            }
+        }
+        kill_at(&mut process, &database, moment).await;
+        submitting.await.unwrap();
+        let known = acknowledged.lock().unwrap().clone();
+        assert_sound(&database, &known).await;
+    }
+
+    let process = Process::start(&database);
+    let known = acknowledged.lock().unwrap().clone();
+    let mut ends = [0; 2];
+    for id in &known {
+        let job = process.ended(id).await;
+        if job["state"] == "succeeded" {
+            ends[0] += 1;
+            let bases = process.json(&format!("/jobs/{id}/bases")).await;
+            assert_eq!(bases["bases"].as_array().unwrap().len(), BASES);
+        } else {
+            // It happened to run when the process was killed, three times.
+            assert_eq!((&job["state"], &job["attempt"]), (&"failed".into(), &3.into()), "{job}");
+            assert_eq!(job["error"]["code"], "crashed");
+            ends[1] += 1;
+        }
+    }
+    println!(
+        "{} jobs acknowledged: {} succeeded, {} failed after three attempts",
+        known.len(),
+        ends[0],
+        ends[1]
+    );
+    assert!(known.len() as u64 > rounds / 2, "hardly anything was acknowledged: nothing was tried");
+    assert_sound(&database, &known).await;
+    let mut file = open(&database).await;
+    let left = "SELECT count(*) FROM bases b JOIN jobs j ON j.id = b.job_id WHERE j.state <> 'succeeded'";
+    assert_eq!(count(&mut file, left).await, 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_kills_the_process_ends_failed_after_three_attempts_and_others_finish() {
+    let directory = tempfile::tempdir().unwrap();
+    let database = directory.path().join("poison.db");
+    let mut poisonous = String::new();
+    let mut innocent = Vec::new();
+    let mut killed = 0;
+    loop {
+        let mut process = Process::start(&database);
+        if killed == 0 {
+            poisonous = process.submit("bases=3&operator=voronoi", sphere(50)).await.unwrap();
+            for points in 51..54 {
+                innocent.push(process.submit("bases=3&operator=voronoi", sphere(points)).await.unwrap());
+            }
+        }
+        // The test stands in for the job: whenever it runs, the process dies.
+        let mut file = open(&database).await;
+        let id: Uuid = poisonous.parse().unwrap();
+        let state = loop {
+            sqlx::query("BEGIN IMMEDIATE").execute(&mut file).await.unwrap();
+            let state: String = sqlx::query_scalar("SELECT state FROM jobs WHERE id = ?1")
+                .bind(id)
+                .fetch_one(&mut file)
+                .await
+                .unwrap();
+            if state != "queued" {
+                break state;
+            }
+            sqlx::query("ROLLBACK").execute(&mut file).await.unwrap();
+        };
+        if state == "running" {
+            process.kill();
+            killed += 1;
+            assert!(killed <= 3, "it runs for ever");
+            continue;
+        }
+        sqlx::query("ROLLBACK").execute(&mut file).await.unwrap();
+        let job = process.ended(&poisonous).await;
+        assert_eq!((&job["state"], &job["attempt"]), (&"failed".into(), &3.into()), "{job}");
+        assert_eq!(job["error"]["code"], "crashed");
+        for id in &innocent {
+            assert_eq!(process.ended(id).await["state"], "succeeded");
+        }
+        break;
+    }
+    assert_eq!(killed, 3);
+}

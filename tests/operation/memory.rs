@@ -1,0 +1,70 @@
+//! A large result is streamed: it never stands in memory.
+//!
+//! 128 MiB by default; `CHLADNI_LOAD_BYTES=1073741824` is the measured run.
+
+use chladni::analysis::JobKind;
+use chladni::store::{ArrayName, Numbers, Store};
+use futures_util::StreamExt;
+use uuid::Uuid;
+
+use crate::process::Process;
+use crate::stage::{basis_values, cloud, mass, parameters, report, vitals};
+
+fn status(process: u32, field: &str) -> u64 {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let line = status.lines().find(|line| line.starts_with(field)).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() << 10
+}
+
+/// Bytes of memory that a process has now.
+pub(crate) fn resident(process: u32) -> u64 {
+    status(process, "VmRSS:")
+}
+
+/// The most it has had since it was told to forget.
+pub(crate) fn peak(process: u32) -> u64 {
+    status(process, "VmHWM:")
+}
+
+pub(crate) fn forget_peak(process: u32) {
+    std::fs::write(format!("/proc/{process}/clear_refs"), "5").unwrap();
+}
+
+/// Stores a job with bases of so many bytes, as a worker would.
+async fn stored(database: &std::path::Path, bytes: usize) -> (Uuid, usize, usize) {
+    let bases = 32;
+    let n = bytes / (8 * bases);
+    let store = Store::open(database, 10).await.unwrap();
+    let submitted = store.submit(&cloud(n, 1), Some((JobKind::Eigen, parameters(bases)))).await.unwrap();
+    let claim = store.claim(Uuid::now_v7()).await.unwrap().unwrap();
+    store.begin_result(&claim).await.unwrap();
+    store.put_array(&claim, ArrayName::Mass, Numbers::F64(mass(n))).await.unwrap();
+    for j in 0..bases {
+        store.put_bases(&claim, vec![basis_values(n, j)]).await.unwrap();
+    }
+    store.finish(&claim, &report(n, bases), &vitals()).await.unwrap();
+    store.close().await;
+    (submitted.job.unwrap().id, n, bases)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_large_result_is_served_with_little_memory() {
+    let bytes = std::env::var("CHLADNI_LOAD_BYTES").map_or(128 << 20, |bytes| bytes.parse().unwrap());
+    let directory = tempfile::tempdir().unwrap();
+    let database = directory.path().join("large.db");
+    let (job, n, bases) = stored(&database, bytes).await;
+    let process = Process::start(&database);
+    process.json("/readyz").await;
+    let before = resident(process.id());
+    forget_peak(process.id());
+    let mut answer = process.get(&format!("/jobs/{job}/bases.npy")).await.bytes_stream();
+    let mut served = 0;
+    while let Some(chunk) = answer.next().await {
+        served += chunk.unwrap().len();
+    }
+    let growth = peak(process.id()).saturating_sub(before);
+    println!("{} MiB served: resident memory grew by {} MiB", served >> 20, growth >> 20);
+    assert_eq!(served % 64, 8 * n * bases % 64, "header and numbers");
+    assert!(served > 8 * n * bases);
+    assert!(growth < 64 << 20, "{growth}");
+}
