@@ -99,6 +99,7 @@ impl App {
             compute,
             jobs: Arc::clone(&jobs),
             limits: settings.limits(),
+            origins: settings.cors_origins.clone(),
             keys,
             stopping: stopping.clone(),
         };

@@ -12,6 +12,12 @@ pub mod harmonics;
 pub mod http;
 pub mod jobs;
 pub mod operator;
+pub mod picture;
 pub mod progress;
 pub mod spectrum;
 pub mod store;
+
+/// Compiles and runs the examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

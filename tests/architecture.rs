@@ -6,26 +6,39 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every room with the rooms that it may import from. A room stands below those that it is named in.
-const ROOMS: [(&str, &[&str]); 12] = [
+const ROOMS: [(&str, &[&str]); 13] = [
     ("progress", &[]),
     ("cloud", &["progress"]),
     ("geometry", &["cloud", "progress"]),
     ("operator", &["geometry", "cloud", "progress"]),
     ("spectrum", &["operator", "geometry", "cloud", "progress"]),
+    ("picture", &["geometry", "cloud", "progress"]),
     ("harmonics", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("analysis", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("store", &["analysis", "spectrum", "operator", "cloud", "progress"]),
     ("jobs", &["store", "harmonics", "analysis", "spectrum", "operator", "cloud", "progress"]),
     (
         "http",
-        &["jobs", "store", "harmonics", "analysis", "spectrum", "operator", "geometry", "cloud", "progress"],
+        &[
+            "jobs",
+            "store",
+            "picture",
+            "harmonics",
+            "analysis",
+            "spectrum",
+            "operator",
+            "geometry",
+            "cloud",
+            "progress",
+        ],
     ),
     ("app", &["http", "jobs", "store", "analysis", "cloud", "progress"]),
-    ("cli", &["app", "harmonics", "analysis", "operator", "cloud", "progress"]),
+    ("cli", &["app", "picture", "harmonics", "analysis", "operator", "cloud", "progress"]),
 ];
 
 /// The pure library: usable by itself, without a runtime, a clock or an environment.
-const PURE: [&str; 7] = ["progress", "cloud", "geometry", "operator", "spectrum", "harmonics", "analysis"];
+const PURE: [&str; 8] =
+    ["progress", "cloud", "geometry", "picture", "operator", "spectrum", "harmonics", "analysis"];
 
 /// What the pure library does without.
 const IMPURE: [&str; 11] = [

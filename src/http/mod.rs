@@ -4,16 +4,24 @@ mod accept;
 mod asked;
 mod bases;
 mod capabilities;
+mod cloud_file;
 mod clouds;
 mod coefficients;
+mod compress;
+mod cors;
 mod distances;
+mod docs;
 mod download;
 mod drain;
+mod events;
+mod examples;
 mod features;
 mod files;
 mod filtered;
 mod functions;
 mod health;
+mod idempotency;
+mod image;
 mod index;
 mod jobs;
 mod keys;
@@ -34,13 +42,14 @@ mod similarity;
 mod spectrum;
 mod submission;
 mod upload;
+mod view;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::http::{Method, Uri};
+use axum::http::{HeaderValue, Method, StatusCode, Uri};
 use axum::middleware;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -82,6 +91,8 @@ pub struct Service {
     pub jobs: Arc<Jobs>,
     /// Limits.
     pub limits: Limits,
+    /// Origins of pages that may use the service from browsers; `*` is any.
+    pub origins: Vec<HeaderValue>,
     /// Accepted keys; `None` when none is asked for.
     pub keys: Option<Keys>,
     /// Canceled when the service stops: waiting requests then answer at once.
@@ -97,6 +108,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(index::index))
         .routes(routes!(capabilities::capabilities))
         .routes(routes!(openapi::openapi))
+        .routes(routes!(docs::docs))
         .routes(routes!(problems::problem_kind))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
@@ -107,7 +119,9 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::show, jobs::delete))
         .routes(routes!(jobs::cancel))
+        .routes(routes!(events::events))
         .routes(routes!(bases::bases))
+        .routes(routes!(image::image))
         .routes(routes!(spectrum::spectrum))
         .routes(routes!(operator::operator))
         .routes(routes!(laplacian::laplacian))
@@ -124,6 +138,7 @@ fn routes() -> OpenApiRouter<Shared> {
 /// The service's router.
 pub fn router(service: Service) -> Router {
     let keys = service.keys.clone();
+    let cors = tower::util::option_layer(cors::layer(&service.origins));
     let service = Arc::new(service);
     let (router, _) = routes().split_for_parts();
     router
@@ -135,7 +150,10 @@ pub fn router(service: Service) -> Router {
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(keys, keys::require))
         .layer(middleware::from_fn(drain::after_errors))
+        .layer(cors)
         .layer(middleware::from_fn(request::identify))
+        .layer(compress::layer())
+        .layer(middleware::from_fn(compress::weaken_tags))
         .with_state(service)
 }
 
@@ -143,11 +161,15 @@ async fn no_such_path(uri: Uri) -> Problem {
     Problem::new(Kind::NotFound, format!("there is nothing at {}; GET / lists what there is", uri.path()))
 }
 
-async fn no_such_method(method: Method, uri: Uri) -> Problem {
-    Problem::new(
+/// OPTIONS is answered by `Allow` alone, which axum adds.
+async fn no_such_method(method: Method, uri: Uri) -> Result<StatusCode, Problem> {
+    if method == Method::OPTIONS {
+        return Ok(StatusCode::NO_CONTENT);
+    }
+    Err(Problem::new(
         Kind::MethodNotAllowed,
         format!("{} does not support {method}; Allow lists what it does", uri.path()),
-    )
+    ))
 }
 
 fn panicked(_: Box<dyn std::any::Any + Send>) -> axum::response::Response {

@@ -59,6 +59,8 @@ pub(crate) enum Kind {
     UnknownParameter,
     /// A parameter with a value that is not accepted.
     InvalidParameter,
+    /// A submission's name was given to another one.
+    KeyReused,
     /// The cloud cannot carry the analysis.
     UnusableCloud,
     /// The queue is full.
@@ -73,7 +75,7 @@ pub(crate) enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub(crate) const ALL: [Self; 22] = [
+    pub(crate) const ALL: [Self; 23] = [
         Self::MalformedRequest,
         Self::MalformedFile,
         Self::Unauthorized,
@@ -91,6 +93,7 @@ impl Kind {
         Self::RangeNotSatisfiable,
         Self::UnknownParameter,
         Self::InvalidParameter,
+        Self::KeyReused,
         Self::UnusableCloud,
         Self::QueueFull,
         Self::StorageFull,
@@ -147,6 +150,9 @@ impl Kind {
             }
             Self::InvalidParameter => {
                 ("invalid-parameter", "A parameter has a value that is not accepted", S::UNPROCESSABLE_ENTITY)
+            }
+            Self::KeyReused => {
+                ("key-reused", "The idempotency key names another submission", S::UNPROCESSABLE_ENTITY)
             }
             Self::UnusableCloud => {
                 ("unusable-cloud", "The cloud cannot carry the analysis", S::UNPROCESSABLE_ENTITY)
@@ -320,9 +326,10 @@ impl From<ReadError> for Problem {
                 Kind::MalformedFile
             }
             ReadError::TooManyPoints { .. }
+            | ReadError::TooCompressed { .. }
             | ReadError::TooManyFields { .. }
             | ReadError::TooManyFaces { .. } => Kind::TooLarge,
-            ReadError::DimensionColumns { .. } => Kind::InvalidParameter,
+            ReadError::DimensionColumns { .. } | ReadError::NoSuchScan { .. } => Kind::InvalidParameter,
             ReadError::Dimension { .. } | ReadError::Cloud(_) => Kind::UnusableCloud,
         };
         Self::new(kind, error.to_string())

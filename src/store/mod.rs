@@ -11,6 +11,7 @@ mod clouds;
 mod content;
 mod database;
 mod error;
+mod idempotency;
 mod jobs;
 mod queue;
 mod reading;
@@ -27,6 +28,7 @@ use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::watch;
 
 pub use error::StoreError;
+pub use idempotency::{REMEMBERED, Remembered};
 pub use records::{
     Claim, CloudRecord, FieldRecord, Heartbeat, JobFailure, JobRecord, JobState, Page, Submitted, Vitals,
 };
