@@ -35,7 +35,7 @@ const OVERSAMPLING: usize = 2;
 /// otherwise leave everything else pale.
 const COLORED_SHARE: f64 = 0.995;
 /// Radius of the marks of feature points, as a share of the picture's shorter side.
-const MARK_RADIUS: f64 = 0.012;
+const MARK_RADIUS: f64 = 0.016;
 
 /// What points are coloured by.
 #[derive(Debug, Clone, Copy)]

@@ -61,14 +61,15 @@ impl Raster {
         });
     }
 
-    /// Draws balls that are seen unless something lies before their middle, and shades them.
+    /// Draws balls and shades them. They are seen unless something lies before them by more than their size: a steep
+    /// surface that they sit on does not cut them.
     pub(super) fn mark(&mut self, marks: &[Splat], mut shade: Vec<f32>) -> Vec<f32> {
         for &Splat { at: [x, y, z], radius, color } in marks {
             let (width, height) = (self.width, self.height);
             pixels([x, y], radius, width, 0..height, |pixel, squared| {
                 let share = squared / (radius * radius);
-                if z + radius >= self.depth[pixel] {
-                    self.depth[pixel] = z + radius;
+                if z + 2.0 * radius >= self.depth[pixel] {
+                    self.depth[pixel] = z + 2.0 * radius;
                     self.color[pixel] = color;
                     shade[pixel] = 1.0 - 0.6 * share * share;
                 }
