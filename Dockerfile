@@ -26,7 +26,8 @@ RUN useradd --system --uid 10001 --home-dir /data chladni \
     && install --directory --owner chladni --group chladni /data
 COPY --from=build /chladni/target/release/chladni /usr/local/bin/chladni
 
-USER chladni
+# By number, so that orchestrators can tell that it is not root.
+USER 10001
 WORKDIR /data
 VOLUME /data
 ENV CHLADNI_LISTEN=0.0.0.0:8080 \

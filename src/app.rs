@@ -107,7 +107,8 @@ impl App {
         let jobs = Arc::new(jobs.map_err(|cause| unusable_database(&settings, cause))?);
         let limits = settings.limits();
         let service =
-            Service::new(store.clone(), compute, Arc::clone(&jobs), limits, keys, metrics, stopping.clone());
+            Service::new(store.clone(), compute, Arc::clone(&jobs), limits, keys, metrics, stopping.clone())
+                .allowing(settings.cors_origins.clone());
         let serving =
             listener::serve(listener, http::router(service), settings.connections(), stopping.clone());
         let listening = tokio::spawn(serving);

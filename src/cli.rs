@@ -2,9 +2,11 @@
 
 mod analyze;
 mod backup;
+mod completions;
 mod demo;
 mod harmonics;
 mod health;
+mod input;
 mod output;
 mod reproduce;
 mod sample;
@@ -16,9 +18,18 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+/// What a caller's script may rely on.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  something failed that the caller cannot mend: the disk, the database, numerics; or a signal ended it
+  2  the call is wrong: a flag, a parameter, or a file that cannot be read or analysed; nothing was written
+
+Without a command the service is started.";
+
 /// Spectral geometry of scanned surfaces: Laplace-Beltrami operators and manifold harmonics of point clouds.
 #[derive(Debug, Parser)]
-#[command(name = "chladni", version, about)]
+#[command(name = "chladni", version, about, after_help = EXIT_CODES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -48,6 +59,8 @@ enum Command {
     Similarity(harmonics::SimilarityArgs),
     /// Read area, boundary length and Euler characteristic off a spectrum
     Invariants(harmonics::InvariantsArgs),
+    /// Draw a cloud, a basis, or feature points; plot a spectrum
+    Render(Box<harmonics::RenderArgs>),
     /// Write a sample shape with known geometry
     Sample(sample::SampleArgs),
     /// Reproduce the tables and figures of the papers and compare
@@ -56,6 +69,8 @@ enum Command {
     Backup(backup::BackupArgs),
     /// Ask a running service whether it is alive; exits 0 if so
     Health(health::HealthArgs),
+    /// Print a script that completes commands and flags in a shell
+    Completions(completions::CompletionsArgs),
 }
 
 /// Why a command ended without doing what it should.
@@ -103,9 +118,11 @@ pub(crate) fn main() -> ExitCode {
         Command::Distances(args) => harmonics::distances(&args),
         Command::Similarity(args) => harmonics::similarity(&args),
         Command::Invariants(args) => harmonics::invariants(&args),
+        Command::Render(args) => harmonics::render(&args),
         Command::Sample(args) => sample::run(&args),
         Command::Reproduce(args) => reproduce::run(&args),
         Command::Health(args) => health::run(&args),
+        Command::Completions(args) => completions::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

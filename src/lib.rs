@@ -13,6 +13,12 @@ pub mod http;
 pub mod jobs;
 pub mod metrics;
 pub mod operator;
+pub mod picture;
 pub mod progress;
 pub mod spectrum;
 pub mod store;
+
+/// Compiles and runs the examples of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

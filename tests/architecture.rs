@@ -6,13 +6,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every room with the rooms that it may import from. A room stands below those that it is named in.
-const ROOMS: [(&str, &[&str]); 13] = [
+const ROOMS: [(&str, &[&str]); 14] = [
     ("progress", &[]),
     ("metrics", &[]),
     ("cloud", &["progress"]),
     ("geometry", &["cloud", "progress"]),
     ("operator", &["geometry", "cloud", "progress"]),
     ("spectrum", &["operator", "geometry", "cloud", "progress"]),
+    ("picture", &["geometry", "cloud", "progress"]),
     ("harmonics", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("analysis", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("store", &["analysis", "spectrum", "operator", "cloud", "progress"]),
@@ -23,6 +24,7 @@ const ROOMS: [(&str, &[&str]); 13] = [
             "metrics",
             "jobs",
             "store",
+            "picture",
             "harmonics",
             "analysis",
             "spectrum",
@@ -33,11 +35,12 @@ const ROOMS: [(&str, &[&str]); 13] = [
         ],
     ),
     ("app", &["metrics", "http", "jobs", "store", "analysis", "cloud", "progress"]),
-    ("cli", &["app", "harmonics", "analysis", "operator", "cloud", "progress"]),
+    ("cli", &["app", "picture", "harmonics", "analysis", "operator", "cloud", "progress"]),
 ];
 
 /// The pure library: usable by itself, without a runtime, a clock or an environment.
-const PURE: [&str; 7] = ["progress", "cloud", "geometry", "operator", "spectrum", "harmonics", "analysis"];
+const PURE: [&str; 8] =
+    ["progress", "cloud", "geometry", "picture", "operator", "spectrum", "harmonics", "analysis"];
 
 /// What the pure library does without.
 const IMPURE: [&str; 11] = [

@@ -50,7 +50,7 @@ fn names(folder: &Path) -> Vec<String> {
 
 #[rstest]
 fn a_sample_is_written_in_the_format_of_its_extension(
-    #[values("ply", "obj", "off", "xyz", "csv", "npy")] extension: &str,
+    #[values("ply", "obj", "off", "xyz", "csv", "npy", "las", "laz")] extension: &str,
 ) {
     let folder = tempdir().unwrap();
     let told =
@@ -84,7 +84,7 @@ fn the_same_seed_gives_the_same_file() {
 
 #[rstest]
 #[case("sample klein-bottle -o a.ply", "klein-bottle")]
-#[case("sample sphere -o a.stl", "ply, obj, off, xyz, csv, npy are possible")]
+#[case("sample sphere -o a.stl", "ply, obj, off, xyz, csv, npy, las, laz are possible")]
 #[case("sample sphere -n 0 -o a.ply", "points=0: 1 to 10000000 are possible")]
 #[case("sample sphere --angle 30 -o a.ply", "angle=30")]
 #[case("sample sphere --noise -1 -o a.ply", "noise=-1")]
@@ -265,7 +265,79 @@ fn a_directory_of_results_is_filtered_transformed_and_measured() {
     assert!(distances.len() == 1500 && distances[3] == 0.0 && distances[4] > 0.0);
 }
 
+#[test]
+fn pictures_are_drawn_of_clouds_bases_fields_and_feature_points_and_spectra_are_plotted() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample two-hole-torus --points 600 -o torus.ply"));
+    succeeded(&chladni(&folder, "analyze torus.ply -o out -k 12 --threads 1"));
+    succeeded(&chladni(&folder, "signatures out --count 1 -o hks.ply"));
+    let png = |arguments: &str| {
+        let told =
+            succeeded(&chladni(&folder, &format!("render {arguments} --width 120 --height 90 -o a.png")));
+        assert!(told.contains("120 × 90 pixels, 600 points"), "{told}");
+        let bytes = fs::read(folder.path().join("a.png")).unwrap();
+        assert!(bytes.starts_with(b"\x89PNG\r\n\x1a\n"));
+        bytes
+    };
+    let pictures = [
+        png("torus.ply"),
+        png("torus.ply --up y --azimuth 10 --elevation -5 --background black"),
+        png("out --basis 3"),
+        png("out --basis 3 --features 50"),
+        png("hks.ply --field hks_0"),
+    ];
+    for (i, picture) in pictures.iter().enumerate() {
+        assert!(pictures[..i].iter().all(|other| other != picture), "picture {i} is like one before");
+    }
+    succeeded(&chladni(&folder, "render out -o spectrum.svg"));
+    let svg = fs::read_to_string(folder.path().join("spectrum.svg")).unwrap();
+    assert_eq!(svg.matches("<circle").count(), 12);
+}
+
+#[test]
+fn a_completion_script_names_every_command() {
+    let folder = tempdir().unwrap();
+    let help = succeeded(&chladni(&folder, "--help"));
+    assert!(help.contains("Exit codes:") && help.contains("Without a command the service is started."));
+    let commands =
+        help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let commands: Vec<&str> = commands.filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(commands.contains(&"serve") && commands.contains(&"render"), "{commands:?}");
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = succeeded(&chladni(&folder, &format!("completions {shell}")));
+        assert!(commands.iter().all(|command| script.contains(command)), "{shell}");
+    }
+}
+
+#[test]
+fn every_command_and_every_flag_is_explained() {
+    let folder = tempdir().unwrap();
+    let help = succeeded(&chladni(&folder, "--help"));
+    let commands =
+        help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    for command in
+        commands.filter_map(|line| line.split_whitespace().next()).filter(|command| *command != "help")
+    {
+        let help = succeeded(&chladni(&folder, &format!("{command} --help")));
+        assert!(
+            help.lines().next().is_some_and(|line| !line.is_empty() && !line.starts_with("Usage")),
+            "{command}"
+        );
+        let lines: Vec<&str> = help.lines().map(str::trim).collect();
+        for (at, line) in lines.iter().enumerate().filter(|(_, line)| line.starts_with('-')) {
+            let beside = line.split_once("  ").is_some_and(|(_, text)| !text.trim().is_empty());
+            let below = lines.get(at + 1).is_some_and(|next| !next.is_empty() && !next.starts_with('-'));
+            assert!(beside || below, "{command}: {line} is not explained");
+        }
+    }
+}
+
 #[rstest]
+#[case("render out --basis 10 -o a.png", "bases 0 to 9")]
+#[case("render sphere.npy --basis 1 -o a.png", "sphere.npy is a file")]
+#[case("render sphere.npy --field red -o a.png", "--field red")]
+#[case("render out -o a.gif", "png (a picture) and svg")]
+#[case("render operator -o a.svg", "without a spectrum")]
 #[case("filter out -o f.txt", "f.txt: the extension chooses the format; ply, npy, json")]
 #[case("filter nowhere -o f.ply", "nowhere/report.json")]
 #[case("filter out --cutoff 11 -o f.ply", "up to 10")]

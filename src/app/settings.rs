@@ -5,6 +5,8 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use axum::http::HeaderValue;
+
 use super::listener::Connections;
 use super::machine;
 use super::secret::Secret;
@@ -119,6 +121,10 @@ pub struct Settings {
     /// the machine.
     #[arg(long, env = "CHLADNI_KEYS", value_name = "KEYS", hide_env_values = true)]
     pub keys: Option<Secret>,
+    /// Origin of pages that may use the service from a browser, such as `https://viewer.example`; `*` is any. Several
+    /// are separated by commas.
+    #[arg(long, env = "CHLADNI_CORS_ORIGINS", value_name = "ORIGIN", value_delimiter = ',', value_parser = origin)]
+    pub cors_origins: Vec<HeaderValue>,
 
     /// Serve other machines without asking for a key.
     #[arg(long, env = "CHLADNI_ALLOW_PUBLIC")]
@@ -154,9 +160,20 @@ impl Default for Settings {
             keep_clouds_days: None,
             api_keys: None,
             keys: None,
+            cors_origins: Vec::new(),
             allow_public: false,
         }
     }
+}
+
+/// An origin as browsers send it: scheme, host and port, without a path.
+fn origin(text: &str) -> Result<HeaderValue, String> {
+    let is_origin = text == "*"
+        || ["http://", "https://"].iter().any(|scheme| {
+            text.strip_prefix(scheme).is_some_and(|host| !host.is_empty() && !host.contains(['/', ' ']))
+        });
+    let value = HeaderValue::from_str(text).ok().filter(|_| is_origin);
+    value.ok_or_else(|| format!("`{text}` is no origin; https://viewer.example is one, and * is any"))
 }
 
 impl Settings {
@@ -245,6 +262,16 @@ mod tests {
     struct Command {
         #[command(flatten)]
         settings: Settings,
+    }
+
+    #[test]
+    fn an_origin_has_a_scheme_and_a_host_and_no_path() {
+        for accepted in ["*", "http://localhost:3000", "https://viewer.example"] {
+            assert!(origin(accepted).is_ok(), "{accepted}");
+        }
+        for refused in ["", "viewer.example", "https://", "https://viewer.example/", "https://a b"] {
+            assert!(origin(refused).is_err(), "{refused}");
+        }
     }
 
     #[test]

@@ -7,17 +7,17 @@ mod summary;
 use std::path::{Path, PathBuf};
 
 use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
-use chladni::cloud::reader::{Format, Limits, ReadOptions, read, read_columns};
-use chladni::cloud::{NonFinite, PointCloud};
+use chladni::cloud::reader::read_columns;
 use chladni::operator::{Distance, OperatorKind, Parameterization};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
+use super::input::CloudArgs;
 use super::{Failure, output};
 
 /// Analyse a point cloud and write the results into a directory.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AnalyzeArgs {
-    /// Point cloud: PLY, OBJ, OFF, XYZ, CSV or NPY
+    /// Point cloud: PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57
     cloud: PathBuf,
 
     /// Directory for the results
@@ -36,17 +36,8 @@ pub(crate) struct AnalyzeArgs {
     #[arg(long, value_name = "FILE")]
     apply: Option<PathBuf>,
 
-    /// Format of the cloud, where neither extension nor content tell
-    #[arg(long, value_parser = formats())]
-    format: Option<Format>,
-
-    /// For tables: the first so many columns are the coordinates
-    #[arg(long, value_name = "D")]
-    coordinates: Option<usize>,
-
-    /// Rows with a non-finite coordinate: refuse the cloud, or drop the rows
-    #[arg(long, default_value = "reject", value_parser = policies())]
-    nonfinite: NonFinite,
+    #[command(flatten)]
+    reading: CloudArgs,
 
     /// Threads that compute, 0 for one per processor
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -183,23 +174,13 @@ fn kinds() -> impl TypedValueParser<Value = JobKind> {
         .map(|name| if name == "operator" { JobKind::Operator } else { JobKind::Eigen })
 }
 
-fn policies() -> impl TypedValueParser<Value = NonFinite> {
-    PossibleValuesParser::new(["reject", "drop"])
-        .map(|name| if name == "drop" { NonFinite::Drop } else { NonFinite::Reject })
-}
-
-fn formats() -> impl TypedValueParser<Value = Format> {
-    PossibleValuesParser::new(Format::ALL.map(Format::name))
-        .try_map(|name| Format::from_name(&name).ok_or("unknown"))
-}
-
 /// Reads, analyses, writes, and prints a summary.
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<(), Failure> {
     let parameters = args.parameters.parameters();
     parameters.check().map_err(Failure::input)?;
     let kind = kind(args)?;
     let directory = output::Directory::prepare(&args.output, args.force)?;
-    let cloud = cloud(args)?;
+    let cloud = args.reading.read(&args.cloud)?;
     let functions = args.apply.as_deref().map(|path| functions(path, cloud.len())).transpose()?;
     analysis::admit(&cloud, &parameters).map_err(|error| of_analysis(&error))?;
     let ran = run::with_progress(&cloud, kind, &parameters, args.threads)?;
@@ -232,24 +213,6 @@ fn functions(path: &Path, rows: usize) -> Result<Vec<Vec<f64>>, Failure> {
             Err(Failure::Input(format!("{shown} has {found} rows; the cloud has {rows}")))
         }
     }
-}
-
-fn cloud(args: &AnalyzeArgs) -> Result<PointCloud, Failure> {
-    let shown = args.cloud.display();
-    let bytes = std::fs::read(&args.cloud).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
-    let format = args.format.or_else(|| of_extension(&args.cloud)).or_else(|| Format::sniff(&bytes));
-    let Some(format) = format else {
-        let names = Format::ALL.map(Format::name).join(", ");
-        return Err(Failure::Input(format!("{shown}: unknown format; name it with --format ({names})")));
-    };
-    // The service's limits protect it from strangers; here the caller's own machine is the limit.
-    let limits = Limits { points_max: u32::MAX as usize, faces_max: u32::MAX as usize, ..Limits::default() };
-    let options = ReadOptions { policy: args.nonfinite, dimension: args.coordinates, limits };
-    read(&bytes, format, &options).map_err(|error| Failure::Input(format!("{shown}: {error}")))
-}
-
-fn of_extension(path: &Path) -> Option<Format> {
-    Format::from_extension(path.extension()?.to_str()?)
 }
 
 /// A cloud or parameter that the analysis refuses is the caller's; a numerical failure is ours.

@@ -3,6 +3,7 @@
 mod features;
 mod filter;
 mod per_row;
+mod render;
 mod results;
 mod shapes;
 mod transform;
@@ -17,6 +18,7 @@ use serde::Serialize;
 pub(crate) use features::{FeaturesArgs, features};
 pub(crate) use filter::{FilterArgs, filter};
 pub(crate) use per_row::{DistancesArgs, SignaturesArgs, distances, signatures};
+pub(crate) use render::{RenderArgs, render};
 pub(crate) use shapes::{InvariantsArgs, SimilarityArgs, invariants, similarity};
 pub(crate) use transform::{CoefficientsArgs, SynthesisArgs, coefficients, synthesis};
 

@@ -36,7 +36,7 @@ pub(crate) struct SampleArgs {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     angle: f64,
 
-    /// File to write; its extension chooses the format: ply, obj, off, xyz, csv or npy
+    /// File to write; its extension chooses the format: ply, obj, off, xyz, csv, npy, las or laz
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 }
@@ -56,14 +56,17 @@ fn samplings() -> impl TypedValueParser<Value = Sampling> {
 pub(crate) fn run(args: &SampleArgs) -> Result<(), Failure> {
     let &SampleArgs { shape, points, sampling, noise, seed, angle, ref output } = args;
     let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    let format = Format::from_extension(extension).ok_or_else(|| {
-        let names = Format::ALL.map(Format::name).join(", ");
+    let format = Format::from_extension(extension).filter(|format| Format::WRITTEN.contains(format));
+    let format = format.ok_or_else(|| {
+        let names = Format::WRITTEN.map(Format::name).join(", ");
         Failure::Input(format!(
             "{}: the extension chooses the format; {names} are possible",
             output.display()
         ))
     })?;
-    if shape.ambient_dimension() > 3 && matches!(format, Format::Obj | Format::Off) {
+    if shape.ambient_dimension() > 3
+        && matches!(format, Format::Obj | Format::Off | Format::Las | Format::Laz)
+    {
         let message = format!(
             "{format} holds points of 3 coordinates; {} has {}",
             shape.name(),

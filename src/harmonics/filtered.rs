@@ -6,8 +6,11 @@ use utoipa::ToSchema;
 use super::functions::{self, Function};
 use super::transform::{self, Energy, Transformed};
 use super::{Block, Transfer};
-use crate::cloud::{CloudError, NonFinite, PointCloud};
+use crate::cloud::{CloudError, NonFinite, PointCloud, ScalarType};
 use crate::geometry::normals;
+
+/// Share of a cloud's extent that its filtered coordinates resolve in a file.
+const EXTENT_RESOLVED: f64 = 1e-6;
 
 /// What of a cloud is filtered.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -104,14 +107,27 @@ impl Target {
             Self::Coordinates => {
                 let coordinates =
                     (0..cloud.len()).flat_map(|row| columns.iter().map(move |column| column[row]));
-                let moved = PointCloud::new(cloud.dimension(), coordinates.collect(), NonFinite::Drop)?
-                    .with_coordinate_type(cloud.coordinate_type())
+                let moved = PointCloud::new(cloud.dimension(), coordinates.collect(), NonFinite::Drop)?;
+                let kind = moved_type(&moved, cloud.coordinate_type());
+                let moved = moved
+                    .with_coordinate_type(kind)
                     .with_faces(cloud.faces().to_vec())?
                     .with_fields(cloud.fields().to_vec())?;
                 with_normals(moved)
             }
         }
     }
+}
+
+/// The type in which moved coordinates are written: integers become doubles, and so do floats so far from the origin
+/// that they would tell positions apart to no better than a millionth of the cloud's extent.
+fn moved_type(moved: &PointCloud, before: ScalarType) -> ScalarType {
+    let kind = before.floating();
+    let Some((low, high)) = moved.bounding_box() else { return kind };
+    let extent = low.iter().zip(&high).map(|(low, high)| high - low).fold(0.0, f64::max);
+    let farthest = low.iter().chain(&high).map(|x| x.abs()).fold(0.0, f64::max);
+    let is_coarse = farthest * f64::from(f32::EPSILON) > EXTENT_RESOLVED * extent;
+    if kind == ScalarType::Float32 && is_coarse { ScalarType::Float64 } else { kind }
 }
 
 /// Recomputes the normals of a cloud in space that has them as fields `nx`, `ny`, `nz`.
@@ -171,5 +187,26 @@ impl Change {
         // what lies outside of the span is orthogonal to it
         let energy = inside + transfer.outside.powi(2) * before.outside;
         Self { after: Energy::of(&Transformed { coefficients, energy }, bands), before }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn moved(offset: f64, kind: ScalarType) -> ScalarType {
+        let points = vec![offset, 0.0, 0.0, offset + 100.0, 50.0, 2.0];
+        let cloud = PointCloud::new(3, points, NonFinite::Reject).unwrap().with_coordinate_type(kind);
+        let columns: Vec<Vec<f64>> =
+            functions::coordinates(&cloud).into_iter().map(|function| function.values).collect();
+        Target::Coordinates.replaced(&cloud, &columns).unwrap().coordinate_type()
+    }
+
+    #[test]
+    fn filtered_coordinates_are_written_in_a_type_that_loses_nothing() {
+        assert_eq!(moved(0.0, ScalarType::Float32), ScalarType::Float32);
+        assert_eq!(moved(1e6, ScalarType::Float32), ScalarType::Float64);
+        assert_eq!(moved(1e6, ScalarType::Float64), ScalarType::Float64);
+        assert_eq!(moved(0.0, ScalarType::Int16), ScalarType::Float64, "a filtered integer is none");
     }
 }

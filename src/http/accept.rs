@@ -26,8 +26,19 @@ pub(crate) const CSV: Offer = Offer { name: "csv", media_types: &["text/csv"] };
 /// Matrix Market.
 pub(crate) const MTX: Offer =
     Offer { name: "mtx", media_types: &["text/x-matrix-market", "application/x-matrix-market"] };
-/// SciPy's sparse archive.
+/// Archive of NumPy arrays.
 pub(crate) const NPZ: Offer = Offer { name: "npz", media_types: &["application/x-npz", "application/zip"] };
+
+/// Text, a point per line.
+pub(crate) const XYZ: Offer = Offer { name: "xyz", media_types: &["text/x-xyz", "text/plain"] };
+/// ASPRS LAS.
+pub(crate) const LAS: Offer = Offer { name: "las", media_types: &["application/vnd.las"] };
+/// LAS compressed by `LASzip`.
+pub(crate) const LAZ: Offer = Offer { name: "laz", media_types: &["application/vnd.laszip"] };
+/// A picture.
+pub(crate) const PNG: Offer = Offer { name: "png", media_types: &["image/png"] };
+/// A plot.
+pub(crate) const SVG: Offer = Offer { name: "svg", media_types: &["image/svg+xml"] };
 
 impl Offer {
     /// The media type of the answer.

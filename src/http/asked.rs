@@ -117,8 +117,7 @@ impl<R: Resource> Asked<R> {
     /// # Errors
     /// A problem that tells the state of a job without a result.
     pub(super) async fn job(&self) -> Result<JobRecord, Problem> {
-        let wait = Duration::from_secs(self.arguments.integer("wait").unwrap_or(0));
-        finished(&self.service, &self.id, wait).await
+        finished(&self.service, &self.id, wait(&self.arguments)).await
     }
 
     /// The job and its spectrum, once it has succeeded.
@@ -177,6 +176,11 @@ pub(super) struct Harmonics {
     pub modes: Modes,
     /// Bases.
     pub bases: StoredBases,
+}
+
+/// How long to wait for a job's end, by the argument of [`WAIT`].
+pub(super) fn wait(arguments: &Arguments) -> Duration {
+    Duration::from_secs(arguments.integer("wait").unwrap_or(0))
 }
 
 /// A job once it has succeeded, waited for at most `wait`.

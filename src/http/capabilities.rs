@@ -13,8 +13,8 @@ use super::parameters::{KIND, PARAMETERS};
 use super::query::{Accepts, Argument};
 use super::submission::UPLOAD;
 use super::{
-    Limits, Shared, asked, bases, coefficients, distances, features, filtered, jobs, laplacian, operator,
-    points, signatures, similarity, spectrum,
+    Limits, Shared, asked, bases, coefficients, distances, features, filtered, image, jobs, laplacian,
+    operator, points, signatures, similarity, spectrum,
 };
 use crate::cloud::reader::Format;
 use crate::harmonics::FilterKind;
@@ -169,6 +169,7 @@ fn results() -> BTreeMap<&'static str, ResultView> {
     }
     BTreeMap::from([
         ("bases", view(&bases::OFFERS, bases::ReadBases::TABLES)),
+        ("bases/{basis}/image.png", view(&image::OFFERS, image::ReadImage::TABLES)),
         ("spectrum", view(&spectrum::OFFERS, spectrum::ReadSpectrum::TABLES)),
         ("operator", view(&operator::OFFERS, operator::ReadOperator::TABLES)),
         ("coefficients", view(&coefficients::OFFERS, coefficients::ReadCoefficients::TABLES)),

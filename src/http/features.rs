@@ -7,24 +7,26 @@ use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::accept::{JSON, Offer, PLY};
+use super::accept::{JSON, Offer, PLY, PNG};
 use super::asked::{self, Asked, Harmonics, ResultProblems};
 use super::download::Download;
 use super::matrix;
 use super::problem::{Problem, ProblemDocument};
 use super::query::{Accepts, Argument, resource};
+use super::view::{self, VIEW};
 use crate::cloud::PointCloud;
 use crate::harmonics::features::{self as salient, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
 use crate::harmonics::{Modes, Surroundings};
+use crate::picture::Paint;
 
 /// What they can be had as.
-pub(crate) const OFFERS: [Offer; 2] = [JSON, PLY];
+pub(crate) const OFFERS: [Offer; 3] = [JSON, PLY, PNG];
 
 pub(crate) const ARGUMENTS: &[Argument] = &[
     asked::format(
-        &["json", "ply"],
+        &["json", "ply", "png"],
         "by Accept, else json",
-        "Format of the answer: `ply` has the feature points with `index`, `persistence` and the number of `pairs`.",
+        "Format of the answer: `ply` has the feature points with `index`, `persistence` and the number of `pairs`; `png` is a picture of the cloud with them.",
     ),
     Argument {
         name: "modes",
@@ -58,7 +60,7 @@ pub(crate) const ARGUMENTS: &[Argument] = &[
 
 resource!(
     /// Query of `GET /jobs/{id}/features`.
-    ReadFeatures: OFFERS, ARGUMENTS
+    ReadFeatures: OFFERS, ARGUMENTS, VIEW
 );
 
 /// Feature points, most persistent first.
@@ -94,7 +96,7 @@ pub(crate) struct Features {
     tag = "harmonics",
     params(("id" = Uuid, Path, description = "The job."), ReadFeatures),
     responses(
-        (status = 200, description = "The feature points.", content((Features = "application/json"), (Vec<u8> = "application/ply")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 200, description = "The feature points.", content((Features = "application/json"), (Vec<u8> = "application/ply"), (Vec<u8> = "image/png")), headers(("ETag" = String, description = "Of these bytes."))),
         (status = 304, description = "The client's copy is current."),
         (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
         ResultProblems,
@@ -108,7 +110,9 @@ pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Pro
     let epsilon = job.report.as_ref().map_or(0.0, |report| report.sampling.epsilon);
     let radius = arguments.number("radius").unwrap_or(RADIUS_IN_EPSILON * epsilon);
     let limit = arguments.integer("limit").map_or(usize::MAX, |limit| limit as usize);
-    let tag = asked::tag(job.id, &(count, persistence.to_bits(), radius.to_bits(), limit));
+    let view = view::read(arguments);
+    let drawn = (asked.offer == PNG).then(|| view::key(&view));
+    let tag = asked::tag(job.id, &(count, persistence.to_bits(), radius.to_bits(), limit, drawn));
 
     let store = &asked.service.store;
     let cloud = Arc::new(store.load_cloud(job.cloud_id).await?);
@@ -132,6 +136,10 @@ pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Pro
         let found = answer.places(&extrema);
         if offer == PLY {
             return Ok(salient::as_ply(&found, &answer.cloud));
+        }
+        if offer == PNG {
+            let marks: Vec<usize> = found.iter().map(|feature| feature.index).collect();
+            return view::png(&answer.cloud, &Paint::Plain, &marks, &view, "feature points");
         }
         let clusters = answer.modes.clusters().iter().copied().filter(|[first, _]| *first < answer.count);
         let answer = Features {

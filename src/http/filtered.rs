@@ -9,21 +9,23 @@ use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::accept::{JSON, NPY, Offer, PLY};
+use super::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
 use super::asked::{self, Asked, Harmonics, Resource, ResultProblems};
 use super::coefficients::{BANDS, NumberLists, bands, forward};
 use super::download::Download;
 use super::problem::{Kind, Problem, ProblemDocument};
 use super::query::{Accepts, Argument, Arguments, resource};
-use super::{functions, matrix};
-use crate::cloud::writer::{Column, PlyEncoding, encode_rows, npy_header, write_annotated_ply};
+use super::view::{self, VIEW};
+use super::{cloud_file, functions, matrix, points};
+use crate::cloud::writer::{Column, PlyEncoding, encode_rows, npy_header};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::filtered::{self as filtering, Change, Target};
 use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Filter, FilterKind, Scale, Transfer};
+use crate::picture::{Paint, View};
 
 /// What it can be had as.
-pub(crate) const OFFERS: [Offer; 3] = [PLY, JSON, NPY];
+pub(crate) const OFFERS: [Offer; 9] = [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PNG];
 
 const fn number(name: &'static str, default: &'static str, meaning: &'static str) -> Argument {
     Argument { name, alias: None, accepts: Accepts::NonNegative, default, meaning }
@@ -84,26 +86,20 @@ pub(crate) const TARGET: &[Argument] = &[
         meaning: "Filter this field of the upload in place of the coordinates; several are separated by commas.",
     },
     asked::format(
-        &["ply", "json", "npy"],
+        &["ply", "json", "npy", "npz", "csv", "xyz", "las", "laz", "png"],
         "by Accept, else ply",
-        "Format of the answer: `ply` is the upload with the filtered numbers in place; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields.",
+        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las` and `laz` are the upload with the filtered numbers in place; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, coloured by the first field that was filtered.",
     ),
-    Argument {
-        name: "encoding",
-        alias: None,
-        accepts: Accepts::Word(&["binary", "ascii"]),
-        default: "binary",
-        meaning: "Encoding of ply.",
-    },
+    points::ENCODING,
 ];
 
 resource!(
     /// Query of `GET /jobs/{id}/filtered`.
-    ReadFiltered: OFFERS, FILTER, TARGET, BANDS
+    ReadFiltered: OFFERS, FILTER, TARGET, BANDS, VIEW
 );
 resource!(
     /// Query of `POST /jobs/{id}/filtered`.
-    FilterByGains: OFFERS, TARGET, BANDS
+    FilterByGains: OFFERS, TARGET, BANDS, VIEW
 );
 
 /// A filtered cloud as JSON.
@@ -224,8 +220,10 @@ async fn answer<R: Resource>(
     let columns = if target == Target::Coordinates { cloud.dimension() } else { names.len() };
     asked.refuse_large_json((cloud.len() * columns) as u64)?;
     let ascii = arguments.word("encoding") == Some("ascii");
+    let view = view::read(arguments);
     let bands = bands(arguments);
-    let determined = (&names, ascii, bands, transfer.outside.to_bits(), &transfer.gains, &description);
+    let drawn = (*offer == PNG).then(|| view::key(&view));
+    let determined = (&names, ascii, bands, transfer.outside.to_bits(), &transfer.gains, &description, drawn);
     let tag = asked::tag(harmonics.job.id, &determined);
 
     let mass = service.store.mass(harmonics.job.id).await?;
@@ -261,7 +259,8 @@ async fn answer<R: Resource>(
         match offer {
             NPY => Ok(npy(&columns)),
             JSON => json(head, &target, given.iter().map(|f| f.name.clone()).zip(columns)),
-            _ => ply(&target.replaced(&cloud, &columns)?, ascii, &head, &description),
+            PNG => picture(&target.replaced(&cloud, &columns)?, &target, &view, &description),
+            _ => file(&target.replaced(&cloud, &columns)?, offer, ascii, &head, &description),
         }
     };
     let bytes = service.compute.run(encode).await??;
@@ -306,7 +305,21 @@ fn json(
     serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
 }
 
-fn ply(cloud: &PointCloud, ascii: bool, head: &Filtered, description: &str) -> Result<Vec<u8>, Problem> {
+fn picture(cloud: &PointCloud, target: &Target, view: &View, description: &str) -> Result<Vec<u8>, Problem> {
+    let paint = match target {
+        Target::Fields(places) => Paint::Sequential(&cloud.fields()[places[0]].values),
+        Target::Coordinates => Paint::Plain,
+    };
+    view::png(cloud, &paint, &[], view, description)
+}
+
+fn file(
+    cloud: &PointCloud,
+    offer: Offer,
+    ascii: bool,
+    head: &Filtered,
+    description: &str,
+) -> Result<Vec<u8>, Problem> {
     let encoding = if ascii { PlyEncoding::Ascii } else { PlyEncoding::BinaryLittleEndian };
     let comment = format!(
         "chladni job {}: {description}; outside of the {} bases x {}; {} rows without a result unchanged",
@@ -315,10 +328,7 @@ fn ply(cloud: &PointCloud, ascii: bool, head: &Filtered, description: &str) -> R
         head.transfer.outside,
         head.rows_without_result
     );
-    let mut bytes = Vec::new();
-    write_annotated_ply(cloud, encoding, &[comment], &mut bytes)
-        .map_err(|error| Problem::internal(&error))?;
-    Ok(bytes)
+    cloud_file::encode(cloud, offer, encoding, &[comment])
 }
 
 #[cfg(test)]

@@ -31,6 +31,7 @@ pub(crate) async fn index() -> Json<Index> {
         links: BTreeMap::from([
             ("capabilities", "/capabilities"),
             ("clouds", "/clouds"),
+            ("documentation", "/docs"),
             ("jobs", "/jobs"),
             ("live", "/livez"),
             ("metrics", "/metrics"),

@@ -195,6 +195,7 @@ fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
     let mut links = BTreeMap::from([
         ("cloud", format!("/clouds/{}", job.cloud_id)),
         ("operator", format!("{path}/operator")),
+        ("events", format!("{path}/events")),
     ]);
     if job.kind == JobKind::Eigen {
         for result in EIGEN_RESULTS {

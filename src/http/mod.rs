@@ -6,17 +6,25 @@ mod bases;
 mod body;
 mod body_memory;
 mod capabilities;
+mod cloud_file;
 mod clouds;
 mod coding;
 mod coefficients;
+mod compress;
+mod cors;
 mod distances;
+mod docs;
 mod download;
 mod drain;
+mod events;
+mod examples;
 mod features;
 mod files;
 mod filtered;
 mod functions;
 mod health;
+mod idempotency;
+mod image;
 mod index;
 mod jobs;
 mod keys;
@@ -38,13 +46,14 @@ mod similarity;
 mod spectrum;
 mod submission;
 mod upload;
+mod view;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::http::{Method, Uri};
+use axum::http::{HeaderValue, Method, StatusCode, Uri};
 use axum::middleware;
 use tokio_util::sync::CancellationToken;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -112,6 +121,8 @@ pub struct Service {
     limits: Limits,
     /// What bodies share.
     body_memory: BodyMemory,
+    /// Origins of pages that may use the service from browsers; `*` is any.
+    origins: Vec<HeaderValue>,
     /// Accepted keys; `None` when none is asked for.
     keys: Option<Keys>,
     /// Canceled when the service stops: waiting requests then answer at once.
@@ -133,7 +144,13 @@ impl Service {
         stopping: CancellationToken,
     ) -> Self {
         let body_memory = BodyMemory::new(limits.body_memory, limits.stall);
-        Self { store, compute, jobs, limits, body_memory, keys, stopping, metrics }
+        Self { store, compute, jobs, limits, body_memory, origins: Vec::new(), keys, stopping, metrics }
+    }
+
+    /// The same, open to pages of these origins; `*` is any.
+    #[must_use]
+    pub fn allowing(self, origins: Vec<HeaderValue>) -> Self {
+        Self { origins, ..self }
     }
 }
 
@@ -146,6 +163,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(index::index))
         .routes(routes!(capabilities::capabilities))
         .routes(routes!(openapi::openapi))
+        .routes(routes!(docs::docs))
         .routes(routes!(problems::problem_kind))
         .routes(routes!(health::livez))
         .routes(routes!(health::readyz))
@@ -157,7 +175,9 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::show, jobs::delete))
         .routes(routes!(jobs::cancel))
+        .routes(routes!(events::events))
         .routes(routes!(bases::bases))
+        .routes(routes!(image::image))
         .routes(routes!(spectrum::spectrum))
         .routes(routes!(operator::operator))
         .routes(routes!(laplacian::laplacian))
@@ -174,6 +194,7 @@ fn routes() -> OpenApiRouter<Shared> {
 /// The service's router.
 pub fn router(service: Service) -> Router {
     let (keys, metrics) = (service.keys.clone(), Arc::clone(&service.metrics));
+    let cors = tower::util::option_layer(cors::layer(&service.origins));
     let service = Arc::new(service);
     let (router, _) = routes().split_for_parts();
     router
@@ -187,8 +208,11 @@ pub fn router(service: Service) -> Router {
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(keys, keys::require))
         .layer(middleware::from_fn(drain::after_errors))
+        .layer(cors)
         .layer(middleware::from_fn(request::identify))
         .layer(middleware::from_fn_with_state(metrics, metrics::measure))
+        .layer(compress::layer())
+        .layer(middleware::from_fn(compress::weaken_tags))
         .with_state(service)
 }
 
@@ -196,11 +220,15 @@ async fn no_such_path(uri: Uri) -> Problem {
     Problem::new(Kind::NotFound, format!("there is nothing at {}; GET / lists what there is", uri.path()))
 }
 
-async fn no_such_method(method: Method, uri: Uri) -> Problem {
-    Problem::new(
+/// OPTIONS is answered by `Allow` alone, which axum adds.
+async fn no_such_method(method: Method, uri: Uri) -> Result<StatusCode, Problem> {
+    if method == Method::OPTIONS {
+        return Ok(StatusCode::NO_CONTENT);
+    }
+    Err(Problem::new(
         Kind::MethodNotAllowed,
         format!("{} does not support {method}; Allow lists what it does", uri.path()),
-    )
+    ))
 }
 
 fn panicked(_: Box<dyn std::any::Any + Send>) -> axum::response::Response {

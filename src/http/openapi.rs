@@ -8,6 +8,7 @@ use utoipa::openapi::{
     ComponentsBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, SecurityRequirement,
 };
 
+use super::examples;
 use super::problem::Problem;
 
 /// What the routes are added to.
@@ -41,7 +42,7 @@ pub(super) fn base() -> OpenApi {
 /// The whole document.
 #[must_use]
 pub fn document() -> OpenApi {
-    super::routes().into_openapi()
+    examples::illustrate(super::routes().into_openapi())
 }
 
 /// This interface as an OpenAPI document.

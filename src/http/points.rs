@@ -8,30 +8,44 @@ use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::accept::{self, JSON, NPY, Offer, PLY};
+use super::accept::{self, CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
 use super::download::Download;
 use super::problem::{Problem, ProblemDocument};
-use super::query::{Argument, arguments};
+use super::query::{Accepts, Argument, arguments};
 use super::rows::RowLayout;
-use super::{Shared, asked, matrix, parse_id};
+use super::view::{self, VIEW};
+use super::{Shared, asked, cloud_file, matrix, parse_id};
 use crate::cloud::writer::{
     PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header, ply_columns, ply_properties,
 };
 use crate::cloud::{PointCloud, ScalarType};
+use crate::picture::Paint;
 use crate::store::CHUNK_POINTS;
 
 /// What they can be had as.
-pub(crate) const OFFERS: [Offer; 3] = [PLY, NPY, JSON];
+pub(crate) const OFFERS: [Offer; 9] = [PLY, NPY, JSON, NPZ, CSV, XYZ, LAS, LAZ, PNG];
 
-const ARGUMENTS: &[Argument] = &[asked::format(
-    &["ply", "npy", "json"],
-    "by Accept, else ply",
-    "Format of the answer: `ply` has the coordinates and all fields of the upload, `npy` and `json` the coordinates.",
-)];
+/// Encoding of PLY.
+pub(crate) const ENCODING: Argument = Argument {
+    name: "encoding",
+    alias: None,
+    accepts: Accepts::Word(&["binary", "ascii"]),
+    default: "binary",
+    meaning: "Encoding of ply.",
+};
+
+pub(crate) const ARGUMENTS: &[Argument] = &[
+    asked::format(
+        &["ply", "npy", "json", "npz", "csv", "xyz", "las", "laz", "png"],
+        "by Accept, else ply",
+        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las` and `laz` have the coordinates and all fields of the upload, `npy` and `json` the coordinates; `png` is a picture.",
+    ),
+    ENCODING,
+];
 
 arguments!(
     /// Query of `GET /clouds/{id}/points`.
-    ReadPoints = ARGUMENTS
+    ReadPoints = ARGUMENTS, VIEW
 );
 
 /// Points as JSON.
@@ -54,7 +68,7 @@ pub(crate) struct Points {
     tag = "clouds",
     params(("id" = Uuid, Path, description = "The cloud."), ReadPoints),
     responses(
-        (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"))),
+        (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"), (Vec<u8> = "application/x-npz"), (String = "text/csv"), (String = "text/x-xyz"), (Vec<u8> = "application/vnd.las"), (Vec<u8> = "application/vnd.laszip"), (Vec<u8> = "image/png"))),
         (status = 206, description = "The range asked for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
         (status = 304, description = "The client's copy is current."),
         (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
@@ -76,10 +90,21 @@ pub(crate) async fn points(
     let cloud = Arc::new(service.store.load_cloud(id).await?);
     let mut download =
         Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
-    if offer == JSON {
-        let text = service.compute.run(move || json(&cloud)).await??;
-        download.length = Some(text.len() as u64);
-        return download.answer(&method, &headers, |span| matrix::part(text, span));
+    let encoding = match arguments.word("encoding") {
+        Some("ascii") => PlyEncoding::Ascii,
+        _ => PlyEncoding::BinaryLittleEndian,
+    };
+    if ![PLY, NPY].contains(&offer) || (offer == PLY && encoding == PlyEncoding::Ascii) {
+        let view = view::read(&arguments);
+        download.tag = asked::tag(id, &(encoding == PlyEncoding::Ascii, view::key(&view)));
+        let encode = move || match offer {
+            JSON => json(&cloud),
+            PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}")),
+            _ => cloud_file::encode(&cloud, offer, encoding, &[]),
+        };
+        let bytes = service.compute.run(encode).await??;
+        download.length = Some(bytes.len() as u64);
+        return download.answer(&method, &headers, |span| matrix::part(bytes, span));
     }
     let layout = if offer == NPY {
         npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)

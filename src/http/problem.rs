@@ -61,6 +61,8 @@ pub(crate) enum Kind {
     UnknownParameter,
     /// A parameter with a value that is not accepted.
     InvalidParameter,
+    /// A submission's name was given to another one.
+    KeyReused,
     /// The cloud cannot carry the analysis.
     UnusableCloud,
     /// The analysis needs more memory than there is.
@@ -77,7 +79,7 @@ pub(crate) enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub(crate) const ALL: [Self; 24] = [
+    pub(crate) const ALL: [Self; 25] = [
         Self::MalformedRequest,
         Self::MalformedFile,
         Self::Unauthorized,
@@ -96,6 +98,7 @@ impl Kind {
         Self::RangeNotSatisfiable,
         Self::UnknownParameter,
         Self::InvalidParameter,
+        Self::KeyReused,
         Self::UnusableCloud,
         Self::OverBudget,
         Self::QueueFull,
@@ -156,6 +159,9 @@ impl Kind {
             }
             Self::InvalidParameter => {
                 ("invalid-parameter", "A parameter has a value that is not accepted", S::UNPROCESSABLE_ENTITY)
+            }
+            Self::KeyReused => {
+                ("key-reused", "The idempotency key names another submission", S::UNPROCESSABLE_ENTITY)
             }
             Self::UnusableCloud => {
                 ("unusable-cloud", "The cloud cannot carry the analysis", S::UNPROCESSABLE_ENTITY)
@@ -341,9 +347,10 @@ impl From<ReadError> for Problem {
                 Kind::MalformedFile
             }
             ReadError::TooManyPoints { .. }
+            | ReadError::TooCompressed { .. }
             | ReadError::TooManyFields { .. }
             | ReadError::TooManyFaces { .. } => Kind::TooLarge,
-            ReadError::DimensionColumns { .. } => Kind::InvalidParameter,
+            ReadError::DimensionColumns { .. } | ReadError::NoSuchScan { .. } => Kind::InvalidParameter,
             ReadError::Dimension { .. } | ReadError::Cloud(_) => Kind::UnusableCloud,
         };
         Self::new(kind, error.to_string())

@@ -2,27 +2,32 @@
 
 use std::fmt::Write as _;
 
-use axum::Json;
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::accept::{CSV, JSON, Offer};
+use super::accept::{CSV, JSON, Offer, SVG};
 use super::asked::{self, Asked, ResultProblems};
+use super::download::Download;
+use super::matrix;
 use super::problem::Problem;
 use super::query::{Argument, resource};
 use crate::analysis::Report;
 use crate::harmonics::invariants::{self, Invariants};
 use crate::harmonics::{Modes, heat_trace};
+use crate::picture;
 use crate::spectrum::Spectrum;
+use crate::store::JobRecord;
 
 /// What it can be had as.
-pub(crate) const OFFERS: [Offer; 2] = [JSON, CSV];
+pub(crate) const OFFERS: [Offer; 3] = [JSON, CSV, SVG];
 
-const ARGUMENTS: &[Argument] =
-    &[asked::format(&["json", "csv"], "by Accept, else json", "Format of the answer.")];
+const ARGUMENTS: &[Argument] = &[asked::format(
+    &["json", "csv", "svg"],
+    "by Accept, else json",
+    "Format of the answer; `svg` is a plot.",
+)];
 
 resource!(
     /// Query of `GET /jobs/{id}/spectrum`.
@@ -81,20 +86,42 @@ fn surface(report: Option<&Report>) -> Option<&Report> {
     tag = "results",
     params(("id" = Uuid, Path, description = "The job."), ReadSpectrum),
     responses(
-        (status = 200, description = "The spectrum; as CSV one row per eigenvalue.", content((SpectrumView = "application/json"), (String = "text/csv"))),
+        (status = 200, description = "The spectrum; as CSV one row per eigenvalue; as SVG a plot of the eigenvalues by their number.", content((SpectrumView = "application/json"), (String = "text/csv"), (String = "image/svg+xml")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 304, description = "The client's copy is current."),
         ResultProblems,
     )
 )]
 pub(crate) async fn spectrum(asked: Asked<ReadSpectrum>) -> Result<Response, Problem> {
     let (job, spectrum) = asked.eigen().await?;
-    if asked.offer == CSV {
-        return Ok(([(header::CONTENT_TYPE, CSV.media_type())], csv(&spectrum)).into_response());
-    }
+    let (offer, tag) = (asked.offer, asked::tag(job.id, &"spectrum"));
+    let stem = format!("spectrum-{}", job.id);
+    let bytes = match offer {
+        CSV => csv(&spectrum).into_bytes(),
+        SVG => svg(job.report.as_ref(), &spectrum).into_bytes(),
+        _ => json(&job, spectrum)?,
+    };
+    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
+    download.answer(&asked.method, &asked.headers, |span| matrix::part(bytes, span))
+}
+
+fn json(job: &JobRecord, spectrum: Spectrum) -> Result<Vec<u8>, Problem> {
     let area = AreaView::new(job.report.as_ref(), &spectrum);
     let measured =
         job.report.as_ref().map(|report| invariants::measure(&Modes::of(&spectrum), &report.sampling));
     let view = SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, invariants: measured, spectrum };
-    Ok(Json(view).into_response())
+    serde_json::to_vec(&view).map_err(|error| Problem::internal(&error))
+}
+
+fn svg(report: Option<&Report>, spectrum: &Spectrum) -> String {
+    let title = report.map_or_else(String::new, |report| {
+        format!("{} eigenvalues, operator {}", spectrum.eigenvalues.len(), report.operator.name())
+    });
+    picture::plot_spectrum(&picture::Spectrum {
+        eigenvalues: &spectrum.eigenvalues,
+        clusters: &spectrum.clusters,
+        area: surface(report).map(|report| report.sampling.area),
+        title: &title,
+    })
 }
 
 fn csv(spectrum: &Spectrum) -> String {

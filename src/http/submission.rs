@@ -13,6 +13,7 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::clouds::CloudView;
+use super::idempotency::{self, IdempotencyKey, Key};
 use super::jobs::{JobView, Nothing, RETRY_SECONDS, WAIT_SECONDS_MAX};
 use super::parameters::{self, KIND, PARAMETERS};
 use super::problem::{Kind, Problem, ProblemDocument};
@@ -22,14 +23,16 @@ use super::{Service, Shared, jobs, keys, parse_id};
 use crate::analysis::{JobKind, Parameters, admit};
 use crate::cloud::reader::{self, Format, ReadOptions};
 use crate::cloud::{NonFinite, PointCloud};
-use crate::store::Submitted;
+use crate::store::{Owner, Submitted};
 
 /// How the upload is read.
 pub(crate) const UPLOAD: &[Argument] = &[
     Argument {
         name: "format",
         alias: None,
-        accepts: Accepts::Word(&["ply", "obj", "off", "xyz", "csv", "npy"]),
+        accepts: Accepts::Word(&[
+            "ply", "obj", "off", "stl", "xyz", "csv", "npy", "pcd", "las", "laz", "e57",
+        ]),
         default: "from Content-Type, then the file's name, then the bytes",
         meaning: "Format of the file.",
     },
@@ -46,6 +49,13 @@ pub(crate) const UPLOAD: &[Argument] = &[
         accepts: Accepts::Integer(1, crate::cloud::DIMENSION_MAX as u64),
         default: "3 or all columns, by format",
         meaning: "For tables (XYZ, CSV, NPY): the first so many columns are coordinates, the others fields.",
+    },
+    Argument {
+        name: "scan",
+        alias: None,
+        accepts: Accepts::Integer(0, u64::MAX),
+        default: "0",
+        meaning: "For files of several scans (E57): which one, counting from 0.",
     },
     Argument {
         name: "analyze",
@@ -101,7 +111,7 @@ pub(crate) struct JobRequest {
     post,
     path = "/clouds",
     tag = "clouds",
-    params(SubmitCloud),
+    params(SubmitCloud, IdempotencyKey),
     request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
@@ -124,7 +134,7 @@ pub(crate) async fn post_cloud(State(service): State<Shared>, request: Request) 
     put,
     path = "/clouds",
     tag = "clouds",
-    params(SubmitCloud),
+    params(SubmitCloud, IdempotencyKey),
     request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
@@ -144,7 +154,7 @@ pub(crate) async fn put_cloud(State(service): State<Shared>, request: Request) -
     put,
     path = "/clouds/{id}",
     tag = "clouds",
-    params(("id" = String, Path, description = "The file's name."), SubmitCloud),
+    params(("id" = String, Path, description = "The file's name."), SubmitCloud, IdempotencyKey),
     request_body(content((CloudFile = "application/octet-stream")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
@@ -168,7 +178,7 @@ pub(crate) async fn put_cloud_named(
     post,
     path = "/clouds/{id}/jobs",
     tag = "jobs",
-    params(("id" = Uuid, Path, description = "The cloud.")),
+    params(("id" = Uuid, Path, description = "The cloud."), IdempotencyKey),
     request_body(content = Option<JobRequest>, description = "Parameters."),
     responses(
         (status = 202, description = "Queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
@@ -188,26 +198,62 @@ pub(crate) async fn post_job(
 ) -> Result<Response, Problem> {
     Nothing::read(&uri)?;
     let id = parse_id(&id)?;
-    let wait = preferred_wait(request.headers());
-    let arguments = job_arguments(request).await?;
+    let owner = keys::owner(request.extensions());
+    let (wait, headers) = (preferred_wait(request.headers()), request.headers().clone());
+    let body = job_body(request).await?;
+    let key = Key::of(&headers, &uri, &body)?;
+    if let Some(answered) = replayed(&service, &owner, key.as_ref(), wait).await? {
+        return Ok(answered);
+    }
+    let arguments = job_arguments(&body)?;
     let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
     let cloud = service.store.load_cloud(id).await?;
     let admitted = parameters.clone();
     service.compute.run(move || admit(&cloud, &admitted)).await??;
     let submitted = service.store.submit_job(id, kind, parameters).await?;
+    remember(&service, &owner, key.as_ref(), &submitted).await?;
     answer(&service, submitted, wait).await
 }
 
-async fn job_arguments(request: Request) -> Result<Arguments, Problem> {
-    let malformed = |detail: String| Problem::new(Kind::MalformedRequest, detail);
-    let bytes = axum::body::to_bytes(request.into_body(), JOB_BYTES_MAX).await.map_err(|_| {
+async fn job_body(request: Request) -> Result<axum::body::Bytes, Problem> {
+    axum::body::to_bytes(request.into_body(), JOB_BYTES_MAX).await.map_err(|_| {
         Problem::new(Kind::TooLarge, format!("the body is cut off or larger than {JOB_BYTES_MAX} bytes"))
-    })?;
+    })
+}
+
+/// The answer to a request that was answered before under the same name.
+async fn replayed(
+    service: &Service,
+    owner: &Owner,
+    key: Option<&Key>,
+    wait: Option<Duration>,
+) -> Result<Option<Response>, Problem> {
+    let Some(key) = key else { return Ok(None) };
+    let Some(submitted) = key.replayed(&service.store, owner).await? else { return Ok(None) };
+    let mut response = answer(service, submitted, wait).await?;
+    idempotency::mark(&mut response);
+    Ok(Some(response))
+}
+
+async fn remember(
+    service: &Service,
+    owner: &Owner,
+    key: Option<&Key>,
+    submitted: &Submitted,
+) -> Result<(), Problem> {
+    match key {
+        Some(key) => key.remember(&service.store, owner, submitted).await,
+        None => Ok(()),
+    }
+}
+
+fn job_arguments(bytes: &[u8]) -> Result<Arguments, Problem> {
+    let malformed = |detail: String| Problem::new(Kind::MalformedRequest, detail);
     if bytes.trim_ascii().is_empty() {
         return Ok(Arguments::default());
     }
     let json: Value =
-        serde_json::from_slice(&bytes).map_err(|error| malformed(format!("the body is no JSON: {error}")))?;
+        serde_json::from_slice(bytes).map_err(|error| malformed(format!("the body is no JSON: {error}")))?;
     let Value::Object(object) = json else {
         return Err(malformed(
             "the body is no JSON object; send parameters as in {\"bases\": 50}".to_owned(),
@@ -225,18 +271,25 @@ async fn receive(
     let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
     let wait = preferred_wait(request.headers());
     let owner = keys::owner(request.extensions());
+    let (headers, uri) = (request.headers().clone(), request.uri().clone());
     let mut upload = Upload::receive(request).await?;
     upload.file_name = upload.file_name.or(file_name);
+    let key = Key::of(&headers, &uri, &upload.bytes)?;
+    if let Some(answered) = replayed(service, &owner, key.as_ref(), wait).await? {
+        return Ok(answered);
+    }
     let format = upload.format(arguments.word("format").and_then(Format::from_name))?;
     let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
     let options = ReadOptions {
         policy: if arguments.word("nonfinite") == Some("drop") { NonFinite::Drop } else { NonFinite::Reject },
         dimension: arguments.integer("coordinates").map(|columns| columns as usize),
+        scan: arguments.integer("scan").map(|scan| scan as usize),
         limits: service.limits.reader,
     };
     let wanted = job.clone();
     let cloud = service.compute.run(move || read(upload, format, &options, wanted.as_ref())).await??;
     let submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
+    remember(service, &owner, key.as_ref(), &submitted).await?;
     answer(service, submitted, wait).await
 }
 

@@ -12,6 +12,7 @@ mod content;
 mod database;
 mod disk;
 mod error;
+mod idempotency;
 mod jobs;
 mod owner;
 mod queue;
@@ -30,6 +31,7 @@ use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::watch;
 
 pub use error::StoreError;
+pub use idempotency::{REMEMBERED, Remembered};
 pub use owner::Owner;
 pub use records::{
     Claim, CloudRecord, FieldRecord, Heartbeat, JobFailure, JobRecord, JobState, Page, Submitted, Vitals,

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on has failed
 
+mod conventions;
+mod formats;
 mod harmonics;
 mod jobs;
 mod limits;

@@ -81,28 +81,79 @@ fn every_operation_with_a_choice_tells_its_problems() {
 }
 
 #[test]
-fn every_field_of_every_schema_is_described() {
+fn every_field_of_every_schema_is_described_and_has_an_example_of_its_type() {
     let document = document();
-    let mut undescribed = Vec::new();
+    let mut faults = Vec::new();
     for (name, schema) in document["components"]["schemas"].as_object().unwrap() {
-        visit(name, schema, &mut undescribed);
+        visit(name, schema, &mut faults);
     }
-    assert_eq!(undescribed, Vec::<String>::new());
+    assert_eq!(faults, Vec::<String>::new());
 }
 
-fn visit(name: &str, schema: &Value, undescribed: &mut Vec<String>) {
+fn visit(name: &str, schema: &Value, faults: &mut Vec<String>) {
     for (field, property) in schema["properties"].as_object().into_iter().flatten() {
-        let is_choice = |part: &Value| part.get("$ref").is_some();
-        let is_reference = is_choice(property)
-            || property["oneOf"].as_array().is_some_and(|parts| parts.iter().any(is_choice));
-        if !is_reference && property["description"].as_str().is_none_or(str::is_empty) {
-            undescribed.push(format!("{name}.{field}"));
+        let is_schema_of_its_own = refers(property);
+        if !is_schema_of_its_own && property["description"].as_str().is_none_or(str::is_empty) {
+            faults.push(format!("{name}.{field} is not described"));
+        }
+        // Lists and maps of schemas are illustrated where those are.
+        let is_illustrated_there = is_schema_of_its_own
+            || refers(&property["items"])
+            || refers(&property["additionalProperties"])
+            || refers(&property["items"]["items"]);
+        match property["examples"].get(0) {
+            Some(example) if !is_of_type(example, property) => {
+                faults.push(format!("{name}.{field}: the example {example} is not of the type"));
+            }
+            None if !is_illustrated_there => faults.push(format!("{name}.{field} has no example")),
+            _ => {}
         }
     }
     for part in ["allOf", "oneOf"] {
         for part in schema[part].as_array().into_iter().flatten() {
-            visit(name, part, undescribed);
+            visit(name, part, faults);
         }
+    }
+}
+
+fn refers(schema: &Value) -> bool {
+    schema.get("$ref").is_some()
+        || schema["oneOf"].as_array().is_some_and(|parts| parts.iter().any(|part| part.get("$ref").is_some()))
+}
+
+fn is_of_type(value: &Value, schema: &Value) -> bool {
+    let holds = |name: &Value| match name.as_str() {
+        Some("integer") => value.is_i64() || value.is_u64(),
+        Some("number") => value.is_number(),
+        Some("string") => value.is_string(),
+        Some("boolean") => value.is_boolean(),
+        Some("null") => value.is_null(),
+        Some("object") => value.is_object(),
+        Some("array") => {
+            value.as_array().is_some_and(|items| items.iter().all(|item| is_of_type(item, &schema["items"])))
+        }
+        _ => true,
+    };
+    match &schema["type"] {
+        Value::Array(names) => names.iter().any(holds),
+        name => holds(name),
+    }
+}
+
+#[tokio::test]
+async fn the_documentation_is_a_page_of_its_own() {
+    let service = Service::start().await;
+    let response = service.get("/docs").await;
+    assert_eq!(response.headers()["content-type"], "text/html; charset=utf-8");
+    assert!(response.headers()["content-security-policy"].to_str().unwrap().contains("default-src 'none'"));
+    let page = response.text().await.unwrap();
+    for (name, _) in operations(&document()) {
+        let (method, path) = name.split_once(' ').unwrap();
+        let shown = format!("<b>{}</b> <code>{path}</code>", method.to_uppercase());
+        assert!(page.contains(&shown), "{shown}");
+    }
+    for from_elsewhere in ["<script", "src=", "href=\"http", "url("] {
+        assert!(!page.contains(from_elsewhere), "{from_elsewhere}");
     }
 }
 

@@ -122,7 +122,7 @@ async fn a_value_that_is_not_accepted_is_refused_with_those_that_are() {
         ("tol=-1", "tolerance", "1e-12 to 1e-1"),
         ("t=0", "t", "above 0"),
         ("paper=perhaps", "paper", "true or false"),
-        ("format=stl", "format", "ply, obj"),
+        ("format=gif", "format", "ply, obj"),
         ("nonfinite=keep", "nonfinite", "reject, drop"),
         ("coordinates=9", "coordinates", "1 to 8"),
         ("dimension=4", "dimension", "1 to 3"),

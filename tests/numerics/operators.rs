@@ -48,7 +48,8 @@ fn pcd_is_that_of_its_authors_own_program_on_48_points_of_a_sphere() {
         println!("SKIPPED: {path} is not there (it comes with the project's data, not with its sources)");
         return;
     };
-    let options = ReadOptions { policy: NonFinite::Reject, dimension: None, limits: Limits::default() };
+    let options =
+        ReadOptions { policy: NonFinite::Reject, limits: Limits::default(), ..ReadOptions::default() };
     let cloud = read(&bytes, Format::Csv, &options).unwrap();
     let of_authors =
         Parameters { parameterization: Some(Parameterization::NearestTen), ..parameters(Pcd, 10) };

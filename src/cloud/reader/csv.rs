@@ -1,4 +1,4 @@
-//! CSV: a point per line, columns separated by commas, semicolons or tabs.
+//! CSV: a point per line, columns separated by commas, semicolons, tabs, or blanks.
 //!
 //! A first line without any number is a header. Coordinates are the columns named x, y, z wherever they stand;
 //! without such names, the leading columns.
@@ -13,7 +13,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let (first, dialect, before) = loop {
         let before = lines.clone();
         let line = lines.next().ok_or(ReadError::Empty)?;
-        let dialect = Dialect { format: Format::Csv, separator: Some(separator(line.text)) };
+        let dialect = Dialect { format: Format::Csv, separator: separator(line.text) };
         let text = dialect.content(&line);
         if !text.is_empty() {
             break (text, dialect, before);
@@ -25,9 +25,10 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     }
 }
 
-/// A semicolon separates before a comma does: where commas are decimal marks, semicolons separate.
-fn separator(line: &[u8]) -> u8 {
-    [b';', b'\t'].into_iter().find(|mark| line.contains(mark)).unwrap_or(b',')
+/// A semicolon separates before a comma does: where commas are decimal marks, semicolons separate. Where nothing else
+/// does, blanks separate.
+fn separator(line: &[u8]) -> Option<u8> {
+    [b';', b'\t', b','].into_iter().find(|mark| line.contains(mark))
 }
 
 #[cfg(test)]
@@ -40,8 +41,14 @@ mod tests {
     }
 
     #[test]
-    fn commas_semicolons_and_tabs_separate() {
-        for text in ["1,2,3\n4,5,6\n", "1;2;3\n4;5;6", "1\t2\t3\r\n4\t5\t6\r\n", "\"1\", 2 ,3\n4,5,6"] {
+    fn commas_semicolons_tabs_and_blanks_separate() {
+        for text in [
+            "x y z\n1 2 3\n4 5 6\n",
+            "1,2,3\n4,5,6\n",
+            "1;2;3\n4;5;6",
+            "1\t2\t3\r\n4\t5\t6\r\n",
+            "\"1\", 2 ,3\n4,5,6",
+        ] {
             assert_eq!(csv(text).unwrap().coordinates(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "{text}");
         }
     }

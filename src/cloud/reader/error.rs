@@ -27,7 +27,9 @@ impl fmt::Display for Location {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ReadError {
     /// Nothing to read.
-    #[error("the file is empty; send a point cloud as PLY, OBJ, OFF, XYZ, CSV or NPY")]
+    #[error(
+        "the file is empty; send a point cloud as PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57"
+    )]
     Empty,
     /// The file ends before it should.
     #[error("{format}, {location}: the file ends too early: {message}")]
@@ -48,6 +50,27 @@ pub enum ReadError {
         location: Location,
         /// What is wrong, and what would be accepted.
         message: String,
+    },
+    /// A compressed file that would unpack to much more than such files do.
+    #[error(
+        "{format}: the file's {packed} bytes would unpack to {unpacked}; up to {} are accepted; send it uncompressed",
+        super::unpacked_max(*.packed)
+    )]
+    TooCompressed {
+        /// Format it was read as.
+        format: Format,
+        /// Bytes of the file.
+        packed: usize,
+        /// Bytes that its header announces.
+        unpacked: usize,
+    },
+    /// `scan` names no scan of the file.
+    #[error("the file has {scans} scans, 0 to {}; scan={scan} is none of them", .scans.saturating_sub(1))]
+    NoSuchScan {
+        /// Asked for.
+        scan: usize,
+        /// Scans of the file.
+        scans: usize,
     },
     /// More points than the limit.
     #[error("the file has {points} points or more; up to {points_max} are accepted")]

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// File formats that can be read.
+/// File formats of clouds. All are read; [`Format::WRITTEN`] are written too.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize, utoipa::ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
@@ -12,20 +12,46 @@ pub enum Format {
     Obj,
     /// Object file format of Geomview.
     Off,
+    /// Triangles of stereolithography, ASCII or binary.
+    Stl,
     /// A point per line, columns separated by blanks (also `.txt` and `.pts`).
     Xyz,
     /// Comma, semicolon or tab separated values.
     Csv,
     /// A NumPy array, n×d.
     Npy,
+    /// Point Cloud Library: ASCII, binary, or compressed.
+    Pcd,
+    /// ASPRS LAS, versions 1.0 to 1.4.
+    Las,
+    /// LAS compressed by `LASzip`.
+    Laz,
+    /// ASTM E57.
+    E57,
 }
 
-/// How far [`Format::sniff`] looks.
+/// How far [`Format::sniff`] looks for text.
 const SNIFFED_BYTES: usize = 4096;
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 6] = [Self::Ply, Self::Obj, Self::Off, Self::Xyz, Self::Csv, Self::Npy];
+    pub const ALL: [Self; 11] = [
+        Self::Ply,
+        Self::Obj,
+        Self::Off,
+        Self::Stl,
+        Self::Xyz,
+        Self::Csv,
+        Self::Npy,
+        Self::Pcd,
+        Self::Las,
+        Self::Laz,
+        Self::E57,
+    ];
+
+    /// The formats that [`write()`](crate::cloud::writer::write()) writes.
+    pub const WRITTEN: [Self; 8] =
+        [Self::Ply, Self::Obj, Self::Off, Self::Xyz, Self::Csv, Self::Npy, Self::Las, Self::Laz];
 
     /// Name in the interface.
     #[must_use]
@@ -34,22 +60,32 @@ impl Format {
             Self::Ply => "ply",
             Self::Obj => "obj",
             Self::Off => "off",
+            Self::Stl => "stl",
             Self::Xyz => "xyz",
             Self::Csv => "csv",
             Self::Npy => "npy",
+            Self::Pcd => "pcd",
+            Self::Las => "las",
+            Self::Laz => "laz",
+            Self::E57 => "e57",
         }
     }
 
-    /// Media type in answers. Only `model/obj` and `text/csv` are registered with IANA.
+    /// Media type in answers. Only `model/obj`, `model/stl`, `model/e57` and `text/csv` are registered with IANA.
     #[must_use]
     pub const fn media_type(self) -> &'static str {
         match self {
             Self::Ply => "application/x-ply",
             Self::Obj => "model/obj",
             Self::Off => "application/x-off",
+            Self::Stl => "model/stl",
             Self::Xyz => "text/x-xyz",
             Self::Csv => "text/csv",
             Self::Npy => "application/x-npy",
+            Self::Pcd => "application/x-pcd",
+            Self::Las => "application/vnd.las",
+            Self::Laz => "application/vnd.laszip",
+            Self::E57 => "model/e57",
         }
     }
 
@@ -82,6 +118,8 @@ impl Format {
         match name.strip_prefix("x-").unwrap_or(name) {
             "tab-separated-values" => Some(Self::Csv),
             "wavefront-obj" => Some(Self::Obj),
+            "vnd.las" => Some(Self::Las),
+            "vnd.laszip" => Some(Self::Laz),
             name => Self::from_name(name),
         }
     }
@@ -96,6 +134,18 @@ impl Format {
         }
         if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
             return Some(Self::Ply);
+        }
+        if head.starts_with(b"ASTM-E57") {
+            return Some(Self::E57);
+        }
+        if head.starts_with(b"LASF") {
+            return Some(if super::las::is_compressed(head) { Self::Laz } else { Self::Las });
+        }
+        if super::stl::is_stl(bytes) {
+            return Some(Self::Stl);
+        }
+        if super::pcd::is_pcd(head) {
+            return Some(Self::Pcd);
         }
         if head.contains(&0) {
             return None;
@@ -135,9 +185,14 @@ impl fmt::Display for Format {
             Self::Ply => "PLY",
             Self::Obj => "OBJ",
             Self::Off => "OFF",
+            Self::Stl => "STL",
             Self::Xyz => "XYZ",
             Self::Csv => "CSV",
             Self::Npy => "NPY",
+            Self::Pcd => "PCD",
+            Self::Las => "LAS",
+            Self::Laz => "LAZ",
+            Self::E57 => "E57",
         })
     }
 }
@@ -158,6 +213,11 @@ mod tests {
     }
 
     #[test]
+    fn every_format_that_is_written_is_one() {
+        assert!(Format::WRITTEN.iter().all(|format| Format::ALL.contains(format)));
+    }
+
+    #[test]
     fn a_general_media_type_leaves_the_choice_to_the_bytes() {
         for general in ["application/octet-stream", "text/plain", "image/ply", "", "nonsense"] {
             assert_eq!(Format::from_media_type(general), None, "{general}");
@@ -166,7 +226,7 @@ mod tests {
 
     #[test]
     fn the_first_bytes_tell_the_format() {
-        let cases: [(&[u8], Option<Format>); 14] = [
+        let cases: [(&[u8], Option<Format>); 18] = [
             (b"ply\r\nformat ascii 1.0", Some(Format::Ply)),
             (b"\x93NUMPY\x01\x00", Some(Format::Npy)),
             (b"# made by hand\nv 1 2 3", Some(Format::Obj)),
@@ -178,6 +238,10 @@ mod tests {
             (b"1;2;3", Some(Format::Csv)),
             (b"//X Y Z\n1 2 3", Some(Format::Xyz)),
             (b"nan 2 3", Some(Format::Xyz)),
+            (b"# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\n", Some(Format::Pcd)),
+            (b"VERSION .7\nFIELDS x y z\n", Some(Format::Pcd)),
+            (b"solid cube\n facet normal 0 0 1\n", Some(Format::Stl)),
+            (b"ASTM-E57\x01\0\0\0", Some(Format::E57)),
             (b"<html>", None),
             (b"1 2 3\0", None),
             (b"", None),

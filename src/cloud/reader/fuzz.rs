@@ -24,7 +24,55 @@ fn seeds() -> Vec<(Format, Vec<u8>)> {
         (Format::Xyz, b"2\n//X Y Z Intensity\n1 2 3 4\n5 6 7 8 # end\n".to_vec()),
         (Format::Csv, b"x;y;z;\"a b\"\n1;2;3;4\n5;6;7;8\n".to_vec()),
         (Format::Npy, npy),
+        (Format::Stl, b"solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid s\n".to_vec()),
+        (Format::Stl, binary_stl()),
+        (Format::Pcd, b"VERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3 4\n5 6 7 8\n".to_vec()),
+        (Format::Pcd, compressed_pcd()),
+        (Format::Las, written(Format::Las)),
+        (Format::Laz, written(Format::Laz)),
     ]
+}
+
+/// Places of seeds in their list.
+const SEEDS: usize = 13;
+
+fn binary_stl() -> Vec<u8> {
+    let mut bytes = vec![0; 84 + 50];
+    bytes[80] = 1;
+    bytes[84 + 24..84 + 28].copy_from_slice(&1_f32.to_le_bytes());
+    bytes[84 + 40..84 + 44].copy_from_slice(&1_f32.to_le_bytes());
+    bytes
+}
+
+fn compressed_pcd() -> Vec<u8> {
+    let mut bytes =
+        b"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\n\
+        DATA binary_compressed\n"
+            .to_vec();
+    // 8 zeros and a reference back for the other 16
+    bytes.extend([12, 0, 0, 0, 24, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0, 0, 7 << 5, 7, 7]);
+    bytes
+}
+
+/// A cloud with colours, as we write it.
+fn written(format: Format) -> Vec<u8> {
+    let field = |name: &str| crate::cloud::ScalarField {
+        name: name.to_owned(),
+        kind: crate::cloud::ScalarType::Uint16,
+        values: vec![1.0, 2.0],
+    };
+    let cloud =
+        crate::cloud::PointCloud::new(3, vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], crate::cloud::NonFinite::Reject);
+    let fields = ["red", "green", "blue", "more"].map(field).to_vec();
+    let cloud = cloud.and_then(|cloud| cloud.with_fields(fields)).unwrap();
+    let mut bytes = Vec::new();
+    crate::cloud::writer::write(&cloud, format, &mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn every_seed_is_drawn() {
+    assert_eq!(seeds().len(), SEEDS);
 }
 
 #[test]
@@ -69,20 +117,20 @@ fn an_empty_file_is_refused_in_every_format() {
 
 proptest! {
     #[test]
-    fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300), format in 0..6_usize) {
+    fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300), format in 0..Format::ALL.len()) {
         let _ = Format::sniff(&bytes);
         let _ = read(&bytes, Format::ALL[format], &ReadOptions::default());
     }
 
     #[test]
-    fn random_text_never_panics(text in "[-0-9a-z .,;/#\n\t\"]{0,200}", format in 0..6_usize) {
+    fn random_text_never_panics(text in "[-0-9a-z .,;/#\n\t\"]{0,200}", format in 0..Format::ALL.len()) {
         let _ = Format::sniff(text.as_bytes());
         let _ = read(text.as_bytes(), Format::ALL[format], &ReadOptions::default());
     }
 
     #[test]
     fn damaged_files_never_panic(
-        seed in 0..7_usize,
+        seed in 0..SEEDS,
         damages in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         dimension in proptest::option::of(0..10_usize),
     ) {
@@ -96,7 +144,7 @@ proptest! {
     }
 
     #[test]
-    fn damaged_numbers_in_headers_never_panic_or_allocate_what_they_say(seed in 0..7_usize, digits in "[0-9]{1,22}") {
+    fn damaged_numbers_in_headers_never_panic_or_allocate_what_they_say(seed in 0..SEEDS, digits in "[0-9]{1,22}") {
         let (format, bytes) = seeds().swap_remove(seed);
         for place in (0..bytes.len()).filter(|&i| bytes[i].is_ascii_digit()) {
             let damaged = [&bytes[..place], digits.as_bytes(), &bytes[place + 1..]].concat();

@@ -6,11 +6,12 @@
 
 use npyz::{Endianness, TypeChar, TypeStr};
 
-use super::columns::{Column, Columns, Target};
-use super::ply::{ByteOrder, Place, decode, decode_integers};
+use super::columns::{Column, Columns};
+use super::number::{self, Number, Source};
+use super::ply::{ByteOrder, Place};
 use super::text::shown;
 use super::{Format, Location, ReadError, ReadOptions};
-use crate::cloud::{PointCloud, ScalarType};
+use crate::cloud::PointCloud;
 
 const FORMAT: Format = Format::Npy;
 
@@ -27,7 +28,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let names: Vec<Column> = (0..width).map(|i| Column { kind, ..Column::unnamed(i) }).collect();
     let mut columns = Columns::leading(&names, dimension, &options.limits)?;
     columns.zeroed(rows)?;
-    fill(&mut columns, block, &header);
+    let sources: Vec<Source> = (0..width).map(|index| header.source(block, index)).collect();
+    number::fill(&mut columns, &sources);
     columns.into_cloud(Vec::new(), options)
 }
 
@@ -40,80 +42,23 @@ pub fn read_columns(bytes: &[u8]) -> Result<Vec<Vec<f64>>, ReadError> {
     let block = header.block(bytes)?;
     let column = |index| {
         let mut values = vec![0.0; header.rows];
-        header.decode(block, index, Place::packed(&mut values));
+        header.source(block, index).decode(Place::packed(&mut values));
         values
     };
     Ok((0..header.width).map(column).collect())
 }
 
-fn fill(columns: &mut Columns, block: &[u8], header: &Header) {
-    for (index, target) in columns.targets.iter().enumerate() {
-        match *target {
-            Target::Coordinate(axis) => {
-                let place = Place { stride: columns.dimension, offset: axis, out: &mut columns.coordinates };
-                header.decode(block, index, place);
-            }
-            Target::Field(field) => {
-                header.decode(block, index, Place::packed(&mut columns.fields[field].values));
-            }
-            Target::Skipped => {}
-        }
-    }
-}
-
-/// A number type that NumPy has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Number {
-    Scalar(ScalarType, ByteOrder),
-    /// 64 bits; exact in `f64` up to 2⁵³.
-    Integer {
-        is_signed: bool,
-        order: ByteOrder,
-    },
-}
-
-impl Number {
-    fn parse(descr: &str) -> Option<Self> {
-        let kind: TypeStr = descr.parse().ok()?;
-        let order = if kind.endianness() == Endianness::Big { ByteOrder::Big } else { ByteOrder::Little };
-        let scalar = match (kind.type_char(), kind.size_field()) {
-            (TypeChar::Float, 4) => ScalarType::Float32,
-            (TypeChar::Float, 8) => ScalarType::Float64,
-            (TypeChar::Int, 1) => ScalarType::Int8,
-            (TypeChar::Int, 2) => ScalarType::Int16,
-            (TypeChar::Int, 4) => ScalarType::Int32,
-            (TypeChar::Uint, 1) => ScalarType::Uint8,
-            (TypeChar::Uint, 2) => ScalarType::Uint16,
-            (TypeChar::Uint, 4) => ScalarType::Uint32,
-            (TypeChar::Int, 8) => return Some(Self::Integer { is_signed: true, order }),
-            (TypeChar::Uint, 8) => return Some(Self::Integer { is_signed: false, order }),
-            _ => return None,
-        };
-        Some(Self::Scalar(scalar, order))
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::Scalar(kind, _) => kind.size(),
-            Self::Integer { .. } => 8,
-        }
-    }
-
-    fn scalar_type(self) -> ScalarType {
-        match self {
-            Self::Scalar(kind, _) => kind,
-            Self::Integer { .. } => ScalarType::Float64,
-        }
-    }
-
-    fn decode(self, rows: &[u8], stride: usize, offset: usize, place: Place<'_>) {
-        match self {
-            Self::Scalar(kind, order) => decode(rows, stride, offset, kind, order, place),
-            Self::Integer { is_signed, order } => {
-                decode_integers(rows, stride, offset, is_signed, order, place);
-            }
-        }
-    }
+/// The number type that a `descr` names.
+fn number(descr: &str) -> Option<Number> {
+    let kind: TypeStr = descr.parse().ok()?;
+    let order = if kind.endianness() == Endianness::Big { ByteOrder::Big } else { ByteOrder::Little };
+    let letter = match kind.type_char() {
+        TypeChar::Float => 'F',
+        TypeChar::Int => 'I',
+        TypeChar::Uint => 'U',
+        _ => return None,
+    };
+    Number::of(letter, usize::try_from(kind.size_field()).ok()?, order)
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -132,7 +77,7 @@ impl Header {
         let refuse = |message: String| ReadError::byte(FORMAT, 0, format!("the header {message}"));
         let entry = |key: &str| value(text, key).ok_or_else(|| refuse(format!("has no entry '{key}'")));
         let descr = entry("descr")?;
-        let number = quoted(descr).and_then(Number::parse).ok_or_else(|| {
+        let number = quoted(descr).and_then(number).ok_or_else(|| {
             let shown = shown(descr.split([',', '}']).next().unwrap_or_default().as_bytes());
             refuse(format!(
                 "gives the type {shown}; real numbers <f4 <f8 and integers of 1 to 8 bytes are accepted"
@@ -170,15 +115,15 @@ impl Header {
         })
     }
 
-    /// Decodes one column of the block.
-    fn decode(&self, block: &[u8], index: usize, place: Place<'_>) {
+    /// Where one column of the block stands.
+    fn source<'a>(&self, block: &'a [u8], index: usize) -> Source<'a> {
         let size = self.number.size();
-        let (column, stride, offset) = if self.is_fortran {
+        let (rows, stride, offset) = if self.is_fortran {
             (&block[index * self.rows * size..][..self.rows * size], size, 0)
         } else {
             (block, self.width * size, index * size)
         };
-        self.number.decode(column, stride, offset, place);
+        Source { rows, stride, offset, number: self.number }
     }
 }
 
@@ -239,6 +184,7 @@ mod tests {
     use npyz::WriterBuilder;
 
     use super::*;
+    use crate::cloud::ScalarType;
 
     fn npy<T: npyz::AutoSerialize>(values: &[T], shape: &[u64], order: npyz::Order) -> Vec<u8> {
         let mut bytes = Vec::new();

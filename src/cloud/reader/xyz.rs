@@ -1,4 +1,4 @@
-//! XYZ, TXT and PTS: a point per line, columns separated by blanks.
+//! XYZ, TXT and PTS: a point per line, columns separated by blanks, or by what CSV has.
 //!
 //! `#` and `//` begin comments. A line with a single whole number before the first row is the number of points
 //! (PTS). Column names may stand in a line of their own or in the last comment before the first row, as
@@ -6,7 +6,7 @@
 
 use super::table::{self, Dialect};
 use super::text::{Lines, count_at};
-use super::{Format, Location, ReadError, ReadOptions};
+use super::{Format, Location, ReadError, ReadOptions, csv};
 use crate::cloud::PointCloud;
 
 const DIALECT: Dialect = Dialect { format: Format::Xyz, separator: None };
@@ -25,6 +25,10 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         let comment = comment.strip_prefix(b"//").or_else(|| comment.strip_prefix(b"#")).unwrap_or_default();
         suggested = DIALECT.names(comment).filter(|names| names.iter().any(|n| n.eq_ignore_ascii_case("x")));
     };
+    // A .txt may be a table of any kind.
+    if first.iter().any(|mark| matches!(mark, b',' | b';')) {
+        return csv::read(bytes, options);
+    }
     if let Some(names) = DIALECT.names(first) {
         return table::read(DIALECT, Some(&names), None, lines, options);
     }
@@ -32,7 +36,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         Some(points) => {
             options.limits.points(points)?;
             let last = lines.clone().map(|line| line.number).last().unwrap_or(lines.number());
-            let cloud = table::read(DIALECT, None, suggested.as_deref(), lines, options)?;
+            let names = suggested.or_else(|| scanned(&lines));
+            let cloud = table::read(DIALECT, None, names.as_deref(), lines, options)?;
             check_count(cloud, points, last)
         }
         None => table::read(DIALECT, None, suggested.as_deref(), after, options),
@@ -44,6 +49,18 @@ fn announced(first: &[u8], lines: &Lines<'_>) -> Option<usize> {
     let next = lines.clone().map(|line| DIALECT.content(&line)).find(|text| !text.is_empty())?;
     let alone = DIALECT.split(first).len() == 1 && DIALECT.split(next).len() > 1;
     if alone { count_at(first, "number of points", Format::Xyz, 1).ok() } else { None }
+}
+
+/// Names of the columns that PTS files of scanners have behind their number of points: intensity, colour, or both.
+fn scanned(lines: &Lines<'_>) -> Option<Vec<String>> {
+    let row = lines.clone().map(|line| DIALECT.content(&line)).find(|text| !text.is_empty())?;
+    let names: &[&str] = match DIALECT.split(row).len() {
+        4 => &["x", "y", "z", "intensity"],
+        6 => &["x", "y", "z", "red", "green", "blue"],
+        7 => &["x", "y", "z", "intensity", "red", "green", "blue"],
+        _ => return None,
+    };
+    Some(names.iter().map(|&name| name.to_owned()).collect())
 }
 
 fn check_count(cloud: PointCloud, announced: usize, last: usize) -> Result<PointCloud, ReadError> {
@@ -106,6 +123,22 @@ mod tests {
             "XYZ, line 3: the file ends too early: the first line announces 3 points, 2 follow"
         );
         assert!(matches!(xyz("1\n1 2 3\n4 5 6\n").unwrap_err(), ReadError::Malformed { .. }));
+    }
+
+    #[test]
+    fn the_columns_of_a_pts_file_are_named_as_scanners_write_them() {
+        let cloud = xyz("1\n1 2 3 -700 10 20 30\n").unwrap();
+        assert_eq!(names(&cloud), ["intensity", "red", "green", "blue"]);
+        assert_eq!(names(&xyz("1\n1 2 3 10 20 30\n").unwrap()), ["red", "green", "blue"]);
+        assert_eq!(names(&xyz("1\n1 2 3 9\n").unwrap()), ["intensity"]);
+        assert_eq!(names(&xyz("1\n1 2 3 9 9\n").unwrap()), ["column4", "column5"]);
+    }
+
+    #[test]
+    fn commas_and_semicolons_separate_where_they_stand() {
+        for text in ["1,2,3,4\n5,6,7,8\n", "# a comment\nx;y;z;column4\n1;2;3;4\n5;6;7;8"] {
+            assert_eq!(xyz(text).unwrap(), xyz("1 2 3 4\n5 6 7 8\n").unwrap());
+        }
     }
 
     #[test]

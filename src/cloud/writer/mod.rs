@@ -1,7 +1,9 @@
 //! Writers, one per format. [`write()`] streams a whole cloud; PLY and NPY can also be had in pieces, a header
 //! and chunks of rows of fixed size, so that whoever sends them knows their length beforehand.
 
+mod las;
 mod npy;
+mod npz;
 mod ply;
 mod rows;
 mod text;
@@ -9,6 +11,7 @@ mod text;
 use std::io::{self, Write};
 
 pub use npy::{npy_header, npy_header_by_columns, npy_vector_header};
+pub use npz::write_npz;
 pub use ply::{FACE_BYTES, PlyEncoding, PlyHeader, encode_faces, ply_columns, ply_header, ply_properties};
 pub use rows::{Column, encode_column, encode_rows};
 
@@ -21,10 +24,12 @@ const CHUNK_ROWS: usize = 4096;
 /// Writes a cloud with its fields and, where the format has them, its faces. PLY is written in binary.
 ///
 /// OBJ and OFF hold points of three coordinates: others are padded with 0 or cut, and fields are left out.
-/// NPY holds the coordinates only, as `n × d` doubles.
+/// NPY holds the coordinates only, as `n × d` doubles. LAS and LAZ hold finite coordinates of at most three
+/// dimensions, to nine digits of the cloud's extent or, where they lie on a grid of a power of ten, as they are.
 ///
 /// # Errors
-/// Those of `out`.
+/// Those of `out`; [`io::ErrorKind::Unsupported`] for clouds that the format cannot hold and for formats that are
+/// not among [`Format::WRITTEN`].
 pub fn write(cloud: &PointCloud, format: Format, out: &mut impl Write) -> io::Result<()> {
     match format {
         Format::Ply => write_ply(cloud, PlyEncoding::BinaryLittleEndian, out),
@@ -32,6 +37,10 @@ pub fn write(cloud: &PointCloud, format: Format, out: &mut impl Write) -> io::Re
         Format::Off => text::write_off(cloud, out),
         Format::Xyz => text::write_table(cloud, text::Table::Xyz, out),
         Format::Csv => text::write_table(cloud, text::Table::Csv, out),
+        Format::Las | Format::Laz => las::write_las(cloud, format == Format::Laz, out),
+        Format::Stl | Format::Pcd | Format::E57 => {
+            Err(io::Error::new(io::ErrorKind::Unsupported, format!("{format} is read, not written")))
+        }
         Format::Npy => {
             out.write_all(&npy_header(cloud.len(), cloud.dimension(), ScalarType::Float64))?;
             cloud.coordinates().chunks(CHUNK_ROWS).try_for_each(|values| {

@@ -1,0 +1,153 @@
+"""Files of other programs are read by chladni, and its files by them. Called as: python formats.py CHLADNI"""
+
+import io
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+CHLADNI = str(Path(sys.argv[1]).resolve())
+rng = np.random.default_rng(7)
+# A georeferenced sphere on a grid of millimetres.
+points = rng.normal(size=(500, 3))
+points = np.round(points / np.linalg.norm(points, axis=1)[:, None], 3) + [500000.0, 5200000.0, 100.0]
+colors = rng.integers(0, 256, size=(500, 3), dtype=np.uint8)
+intensity = rng.integers(0, 65536, size=500, dtype=np.uint16)
+
+
+def convert(source, *arguments):
+    """What chladni reads in a file, as an array."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "out"
+        command = [CHLADNI, "analyze", str(source), "-o", str(out), "--operator", "graph", "-k", "1", *arguments]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode != 0:
+            sys.exit(f"{source.name}: {done.stderr}")
+        from plyfile import PlyData
+
+        vertex = PlyData.read(out / "bases.ply")["vertex"]
+        fields = {p.name: np.asarray(vertex[p.name]) for p in vertex.properties}
+        return np.column_stack([fields.pop(a) for a in "xyz"]), fields
+
+
+def check(name, found, expected, tolerance):
+    error = np.abs(np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)).max()
+    print(f"{name}: largest difference {error:.1e}")
+    if not error <= tolerance:
+        sys.exit(f"{name}: {error} > {tolerance}")
+
+
+def read_by_chladni(folder):
+    import laspy
+    import pypcd4
+    import trimesh
+    from plyfile import PlyData, PlyElement
+
+    rows = np.zeros(500, dtype=[("x", "f8"), ("y", "f8"), ("z", "f8"), ("red", "u1"), ("intensity", "u2")])
+    rows["x"], rows["y"], rows["z"] = points.T
+    rows["red"], rows["intensity"] = colors[:, 0], intensity
+    for text in (False, True):
+        path = folder / f"plyfile-{text}.ply"
+        PlyData([PlyElement.describe(rows, "vertex")], text=text).write(path)
+        found, fields = convert(path)
+        check(path.name, found, points, 0)
+        check(path.name + " intensity", fields["intensity"], intensity, 0)
+
+    for name, version, fmt in [("a.las", "1.2", 3), ("b.las", "1.4", 7), ("c.laz", "1.2", 2), ("d.laz", "1.4", 8)]:
+        header = laspy.LasHeader(version=version, point_format=fmt)
+        header.scales, header.offsets = [0.001] * 3, [500000, 5200000, 0]
+        header.add_extra_dim(laspy.ExtraBytesParams(name="quality", type=np.float32))
+        las = laspy.LasData(header)
+        las.x, las.y, las.z = points.T
+        las.intensity, las.red = intensity, colors[:, 0].astype(np.uint16) * 257
+        las.quality = points[:, 2].astype(np.float32)
+        las.write(folder / name)
+        found, fields = convert(folder / name)
+        check(f"laspy {name} ({version}, format {fmt})", found, np.column_stack([las.x, las.y, las.z]), 0)
+        check(f"laspy {name} intensity", fields["intensity"], intensity, 0)
+        check(f"laspy {name} red", fields["red"], las.red, 0)
+        check(f"laspy {name} extra bytes", fields["quality"], las.quality, 0)
+
+    near = (points - [500000.0, 5200000.0, 100.0]).astype(np.float32)
+    packed = pypcd4.PointCloud.encode_rgb(colors)
+    cloud = pypcd4.PointCloud.from_xyzrgb_points(np.column_stack([near, packed]).astype(np.float32))
+    for encoding in (pypcd4.Encoding.ASCII, pypcd4.Encoding.BINARY, pypcd4.Encoding.BINARY_COMPRESSED):
+        path = folder / f"pypcd4-{encoding.value}.pcd"
+        cloud.save(path, encoding)
+        found, fields = convert(path)
+        check(path.name, found, near, 1e-9)
+        # pypcd4 writes ten decimals, of which nothing is left of a colour packed into a float.
+        for i, name in enumerate(() if encoding == pypcd4.Encoding.ASCII else ("red", "green", "blue")):
+            check(f"{path.name} {name}", fields[name], colors[:, i], 0)
+
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    for extension, kind in [("stl", "stl"), ("stl", "stl_ascii"), ("off", "off"), ("obj", "obj"), ("ply", "ply")]:
+        path = folder / f"trimesh-{kind}.{extension}"
+        path.write_bytes(data if isinstance(data := mesh.export(file_type=kind), bytes) else data.encode())
+        found, _ = convert(path)
+        # The rows of an STL file are in the order of its triangles.
+        order = lambda a: a[np.lexsort(np.round(a, 5).T)]
+        check(path.name, order(found), order(np.asarray(mesh.vertices)), 1e-6)
+
+    np.save(folder / "a.npy", np.asfortranarray(points))
+    check("numpy.save", convert(folder / "a.npy")[0], points, 0)
+    np.savetxt(folder / "a.txt", points, delimiter=",", header="x,y,z", comments="")
+    check("numpy.savetxt", convert(folder / "a.txt")[0], points, 0)
+
+    try:
+        import pye57
+    except ImportError:
+        print("pye57: not installed, E57 is held by the tests of the crate alone")
+        return
+    path = str(folder / "a.e57")
+    with pye57.E57(path, mode="w") as file:
+        data = {f"cartesian{a}": np.ascontiguousarray(points[:, i]) for i, a in enumerate("XYZ")}
+        data["intensity"] = intensity.astype(np.float32)
+        file.write_scan_raw(data)
+        data["cartesianX"] = data["cartesianX"] + 1
+        file.write_scan_raw(data, rotation=np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)]), translation=np.array([1.0, 2, 3]))
+    found, fields = convert(Path(path))
+    with pye57.E57(path) as file:
+        # pye57 writes single precision: what it reads back is compared.
+        first, second = (file.read_scan_raw(scan) for scan in (0, 1))
+    kept = lambda scan: np.column_stack([scan[f"cartesian{a}"] for a in "XYZ"])
+    check("pye57, first scan", found, kept(first), 0)
+    check("pye57, intensity", fields["intensity"], intensity, 0)
+    moved = kept(second)
+    turned = np.column_stack([-moved[:, 1], moved[:, 0], moved[:, 2]]) + [1.0, 2, 3]
+    check("pye57, second scan in its pose", convert(Path(path), "--scan", "1")[0], turned, 2e-9)
+
+
+def written_by_chladni(folder):
+    import laspy
+    import trimesh
+    from plyfile import PlyData
+
+    def sample(name, *arguments):
+        command = [CHLADNI, "sample", "sphere", "-n", "500", "-o", name, *arguments]
+        subprocess.run(command, cwd=folder, check=True, capture_output=True)
+        return folder / name
+
+    expected = np.load(sample("s.npy"))
+    for extension in ("las", "laz"):
+        las = laspy.read(sample(f"s.{extension}"))
+        check(f"laspy reads {extension}", np.column_stack([las.x, las.y, las.z]), expected, 1e-9)
+    vertex = PlyData.read(sample("s.ply"))["vertex"]
+    check("plyfile reads ply", np.column_stack([vertex[a] for a in "xyz"]), expected, 0)
+    cloud = trimesh.load(sample("s.ply"))
+    check("trimesh reads ply", cloud.vertices, expected, 0)
+    check("numpy reads xyz", np.loadtxt(sample("s.xyz")), expected, 0)
+    check("numpy reads csv", np.loadtxt(sample("s.csv"), delimiter=",", skiprows=1), expected, 0)
+    for extension in ("obj", "off"):
+        mesh = trimesh.load(sample(f"g.{extension}", "--sampling", "grid"), process=False)
+        grid = np.load(sample("g.npy", "--sampling", "grid"))
+        check(f"trimesh reads {extension}", mesh.vertices, grid, 1e-8)
+        if len(mesh.faces) == 0:
+            sys.exit(f"trimesh finds no faces in {extension}")
+
+
+with tempfile.TemporaryDirectory() as folder:
+    read_by_chladni(Path(folder))
+    written_by_chladni(Path(folder))

@@ -1,0 +1,176 @@
+//! `chladni render`: pictures of clouds and bases, plots of spectra.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use chladni::cloud::PointCloud;
+use chladni::harmonics::Surroundings;
+use chladni::harmonics::features::{self as salient, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
+use chladni::picture::{Background, Paint, Picture, Spectrum, Up, View, plot_spectrum};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use rayon::prelude::*;
+
+use super::{Failure, Results, output, results, told};
+use crate::cli::input::CloudArgs;
+
+/// Draw a cloud, a basis, or feature points; plot a spectrum.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RenderArgs {
+    /// Directory that `chladni analyze` filled, or a point cloud
+    input: PathBuf,
+
+    /// Colour by this basis of the directory, counting from 0
+    #[arg(long, value_name = "INDEX", conflicts_with = "field")]
+    basis: Option<usize>,
+
+    /// Colour by this field of the cloud
+    #[arg(long, value_name = "NAME")]
+    field: Option<String>,
+
+    /// Mark the so many most persistent feature points of the directory
+    #[arg(long, value_name = "COUNT")]
+    features: Option<usize>,
+
+    /// Degrees about the axis that points up, as in Matplotlib
+    #[arg(long, value_name = "DEGREES", default_value_t = View::default().azimuth, allow_negative_numbers = true)]
+    azimuth: f64,
+
+    /// Degrees above the plane of the other two axes
+    #[arg(long, value_name = "DEGREES", default_value_t = View::default().elevation, allow_negative_numbers = true)]
+    elevation: f64,
+
+    /// The axis that points up
+    #[arg(long, default_value = "z", value_parser = ups())]
+    up: Up,
+
+    /// Pixels of a row
+    #[arg(long, value_name = "PIXELS", default_value_t = View::default().width as u64, value_parser = clap::value_parser!(u64).range(1..=16384))]
+    width: u64,
+
+    /// Rows of pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = View::default().height as u64, value_parser = clap::value_parser!(u64).range(1..=16384))]
+    height: u64,
+
+    /// What is behind the points
+    #[arg(long, default_value = "white", value_parser = backgrounds())]
+    background: Background,
+
+    #[command(flatten)]
+    cloud: CloudArgs,
+
+    /// File to write: png for a picture, svg for a plot of the directory's spectrum
+    #[arg(long, short, value_name = "FILE")]
+    output: PathBuf,
+}
+
+fn ups() -> impl TypedValueParser<Value = Up> {
+    PossibleValuesParser::new(Up::NAMES).try_map(|name| Up::from_name(&name).ok_or("no axis"))
+}
+
+fn backgrounds() -> impl TypedValueParser<Value = Background> {
+    PossibleValuesParser::new(Background::NAMES)
+        .try_map(|name| Background::from_name(&name).ok_or("no background"))
+}
+
+/// Reads, draws, writes.
+pub(crate) fn render(args: &RenderArgs) -> Result<(), Failure> {
+    match args.output.extension().and_then(|extension| extension.to_str()) {
+        Some("png") => picture(args),
+        Some("svg") => plot(&args.input, &args.output),
+        _ => {
+            let shown = args.output.display();
+            Err(Failure::Input(format!(
+                "{shown}: the extension chooses the format; png (a picture) and svg (a plot of the spectrum) are possible"
+            )))
+        }
+    }
+}
+
+fn picture(args: &RenderArgs) -> Result<(), Failure> {
+    let results = if args.input.is_dir() { Some(Results::read(&args.input)?) } else { None };
+    let cloud = match &results {
+        Some(results) => results.cloud()?,
+        None => args.cloud.read(&args.input)?,
+    };
+    let of_results = |option: &str| {
+        results.as_ref().ok_or_else(|| {
+            let shown = args.input.display();
+            Failure::Input(format!(
+                "--{option} needs a directory that `chladni analyze` filled; {shown} is a file"
+            ))
+        })
+    };
+    let paint = match (args.basis, &args.field) {
+        (Some(index), _) => Paint::Diverging(basis(of_results("basis")?, index)?),
+        (None, Some(name)) => Paint::Sequential(field(&cloud, name)?),
+        (None, None) => Paint::Plain,
+    };
+    let marks = match args.features {
+        Some(count) => marks(of_results("features")?, &cloud, count)?,
+        None => Vec::new(),
+    };
+    let picture = Picture::draw(&cloud, &paint, &marks, &view(args));
+    let title = args.input.display().to_string();
+    let bytes = picture.to_png(&title).map_err(Failure::other)?;
+    output::write_file(&args.output, |out| out.write_all(&bytes))?;
+    told(&args.output, &format!("{} × {} pixels, {} points", picture.width, picture.height, cloud.len()));
+    Ok(())
+}
+
+fn view(args: &RenderArgs) -> View {
+    View {
+        azimuth: args.azimuth,
+        elevation: args.elevation,
+        up: args.up,
+        width: args.width as usize,
+        height: args.height as usize,
+        background: args.background,
+    }
+}
+
+fn basis(results: &Results, index: usize) -> Result<&[f64], Failure> {
+    let bases = results.bases();
+    bases.get(index).map(Vec::as_slice).ok_or_else(|| {
+        Failure::Input(format!("--basis {index}: the directory has bases 0 to {}", bases.len() - 1))
+    })
+}
+
+fn field<'a>(cloud: &'a PointCloud, name: &str) -> Result<&'a [f64], Failure> {
+    let found = cloud.fields().iter().find(|field| field.name == name);
+    found.map(|field| field.values.as_slice()).ok_or_else(|| {
+        let names: Vec<_> = cloud.fields().iter().map(|field| field.name.as_str()).collect();
+        Failure::Input(format!("--field {name}: the cloud has the fields {}", names.join(", ")))
+    })
+}
+
+/// The rows of the most persistent feature points.
+fn marks(results: &Results, cloud: &PointCloud, count: usize) -> Result<Vec<usize>, Failure> {
+    let radius = RADIUS_IN_EPSILON * results.report.sampling.epsilon;
+    let surroundings = Surroundings::find(cloud, &results.mass, radius).map_err(Failure::input)?;
+    let area: f64 = results.mass.iter().filter(|mass| !mass.is_nan()).sum();
+    let first = results.modes.zero_modes().min(results.modes.len());
+    let bases = &results.bases()[first..];
+    let extrema: Vec<_> =
+        bases.par_iter().map(|basis| salient::extrema(basis, &surroundings, area)).collect();
+    let places = salient::features(&extrema, first, &surroundings, PERSISTENCE_MIN);
+    Ok(places.iter().take(count).map(|place| place.in_cloud(&surroundings, cloud).index).collect())
+}
+
+fn plot(directory: &Path, path: &Path) -> Result<(), Failure> {
+    let report = results::report(directory)?;
+    let Some(spectrum) = &report.spectrum else {
+        let shown = directory.display();
+        return Err(Failure::Input(format!("{shown} holds an operator without a spectrum")));
+    };
+    let is_surface = report.dimension == 2 && !report.operator.is_combinatorial();
+    let title = format!("{} eigenvalues, operator {}", spectrum.eigenvalues.len(), report.operator.name());
+    let svg = plot_spectrum(&Spectrum {
+        eigenvalues: &spectrum.eigenvalues,
+        clusters: &spectrum.clusters,
+        area: is_surface.then_some(report.sampling.area),
+        title: &title,
+    });
+    output::write_file(path, |out| out.write_all(svg.as_bytes()))?;
+    told(path, &title);
+    Ok(())
+}

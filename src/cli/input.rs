@@ -1,0 +1,66 @@
+//! Point clouds that commands read.
+
+use std::path::Path;
+
+use chladni::cloud::reader::{Format, Limits, ReadOptions, read};
+use chladni::cloud::{NonFinite, PointCloud};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use super::Failure;
+
+/// How a cloud is read.
+#[derive(Debug, clap::Args)]
+pub(super) struct CloudArgs {
+    /// Format of the cloud, where neither extension nor content tell
+    #[arg(long, value_parser = formats())]
+    format: Option<Format>,
+
+    /// For tables: the first so many columns are the coordinates
+    #[arg(long, value_name = "D")]
+    coordinates: Option<usize>,
+
+    /// For files of several scans (E57): which one, counting from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    scan: usize,
+
+    /// Rows with a non-finite coordinate: refuse the cloud, or drop the rows
+    #[arg(long, default_value = "reject", value_parser = policies())]
+    nonfinite: NonFinite,
+}
+
+fn formats() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::ALL.map(Format::name))
+        .try_map(|name| Format::from_name(&name).ok_or("unknown"))
+}
+
+fn policies() -> impl TypedValueParser<Value = NonFinite> {
+    PossibleValuesParser::new(["reject", "drop"])
+        .map(|name| if name == "drop" { NonFinite::Drop } else { NonFinite::Reject })
+}
+
+impl CloudArgs {
+    /// Reads a file.
+    pub(super) fn read(&self, path: &Path) -> Result<PointCloud, Failure> {
+        let shown = path.display();
+        let bytes = std::fs::read(path).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
+        let format = self.format.or_else(|| of_extension(path)).or_else(|| Format::sniff(&bytes));
+        let Some(format) = format else {
+            let names = Format::ALL.map(Format::name).join(", ");
+            return Err(Failure::Input(format!("{shown}: unknown format; name it with --format ({names})")));
+        };
+        // The service's limits protect it from strangers; here the caller's own machine is the limit.
+        let limits =
+            Limits { points_max: u32::MAX as usize, faces_max: u32::MAX as usize, ..Limits::default() };
+        let options = ReadOptions {
+            policy: self.nonfinite,
+            dimension: self.coordinates,
+            scan: Some(self.scan),
+            limits,
+        };
+        read(&bytes, format, &options).map_err(|error| Failure::Input(format!("{shown}: {error}")))
+    }
+}
+
+fn of_extension(path: &Path) -> Option<Format> {
+    Format::from_extension(path.extension()?.to_str()?)
+}

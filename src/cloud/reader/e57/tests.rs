@@ -1,0 +1,158 @@
+//! Files as the crate `e57` writes them, and broken ones.
+
+#![allow(clippy::float_cmp)] // to the last digit
+
+use e57::{E57Writer, RecordValue, Translation};
+
+use super::*;
+use crate::cloud::{CloudError, NonFinite};
+
+const DOUBLE: RecordDataType = RecordDataType::Double { min: None, max: None };
+const BYTE: RecordDataType = RecordDataType::Integer { min: 0, max: 255 };
+
+fn record(name: RecordName, data_type: RecordDataType) -> Record {
+    Record { name, data_type }
+}
+
+/// A file of scans, each with its pose and its points.
+fn file(prototype: &[Record], scans: &[(Option<Transform>, Vec<Vec<RecordValue>>)]) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "file").unwrap();
+    for (pose, points) in scans {
+        let mut scan = writer.add_pointcloud("scan", prototype.to_vec()).unwrap();
+        scan.set_transform(pose.clone());
+        for point in points {
+            scan.add_point(point.clone()).unwrap();
+        }
+        scan.finalize().unwrap();
+    }
+    writer.finalize().unwrap();
+    drop(writer);
+    bytes.into_inner()
+}
+
+fn cartesian(more: &[Record]) -> Vec<Record> {
+    use RecordName::{CartesianX, CartesianY, CartesianZ};
+    let axes = [CartesianX, CartesianY, CartesianZ].map(|name| record(name, DOUBLE));
+    axes.into_iter().chain(more.iter().cloned()).collect()
+}
+
+fn doubles(values: &[f64]) -> Vec<RecordValue> {
+    values.iter().map(|&value| RecordValue::Double(value)).collect()
+}
+
+fn small() -> Vec<u8> {
+    file(&cartesian(&[]), &[(None, vec![doubles(&[1.0, 2.0, 3.0]), doubles(&[4.0, 5.0, 6.0])])])
+}
+
+#[test]
+fn coordinates_and_fields_of_the_first_scan_come_in_full_precision() {
+    let color = [RecordName::ColorRed, RecordName::ColorGreen, RecordName::ColorBlue];
+    let color = color.map(|name| record(name, BYTE));
+    let point = |x: f64, red: i64| {
+        [doubles(&[x, 0.1, -0.2]), [red, 7, 8].map(RecordValue::Integer).to_vec()].concat()
+    };
+    let scans = [(None, vec![point(5e6 + 1e-7, 255), point(1.0, 0)]), (None, vec![point(9.0, 9)])];
+    let bytes = file(&cartesian(&color), &scans);
+    let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+    assert_eq!(cloud.coordinates(), [5e6 + 1e-7, 0.1, -0.2, 1.0, 0.1, -0.2]);
+    let fields: Vec<_> = cloud.fields().iter().map(|f| (f.name.as_str(), f.kind, f.values[0])).collect();
+    let expected = [("red", 255.0), ("green", 7.0), ("blue", 8.0)];
+    assert_eq!(fields, expected.map(|(name, value)| (name, ScalarType::Uint8, value)));
+    let second = read(&bytes, &ReadOptions { scan: Some(1), ..ReadOptions::default() }).unwrap();
+    assert_eq!(second.point(0)[0], 9.0);
+    let error = read(&bytes, &ReadOptions { scan: Some(2), ..ReadOptions::default() }).unwrap_err();
+    assert_eq!(error.to_string(), "the file has 2 scans, 0 to 1; scan=2 is none of them");
+}
+
+#[test]
+fn a_scan_is_turned_and_moved_into_the_coordinate_system_of_the_file() {
+    // A quarter turn about z.
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let rotation = Quaternion { w: half, x: 0.0, y: 0.0, z: half };
+    let pose = Transform { rotation, translation: Translation { x: 100.0, y: 200.0, z: 300.0 } };
+    let bytes = file(&cartesian(&[]), &[(Some(pose), vec![doubles(&[1.0, 0.0, 5.0])])]);
+    let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+    for (found, expected) in cloud.point(0).iter().zip([100.0, 201.0, 305.0]) {
+        assert!((found - expected).abs() < 1e-12, "{:?}", cloud.point(0));
+    }
+}
+
+#[test]
+fn spherical_coordinates_become_cartesian() {
+    use RecordName::{SphericalAzimuth, SphericalElevation, SphericalRange};
+    let prototype = [SphericalRange, SphericalAzimuth, SphericalElevation].map(|name| record(name, DOUBLE));
+    let bytes = file(&prototype, &[(None, vec![doubles(&[2.0, std::f64::consts::FRAC_PI_2, 0.0])])]);
+    let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+    for (found, expected) in cloud.point(0).iter().zip([0.0, 2.0, 0.0]) {
+        assert!((found - expected).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_point_that_the_scanner_marks_as_invalid_is_a_row_without_a_position() {
+    let state = RecordDataType::Integer { min: 0, max: 2 };
+    let prototype = cartesian(&[record(RecordName::CartesianInvalidState, state)]);
+    let point = |state| [doubles(&[1.0, 2.0, 3.0]), vec![RecordValue::Integer(state)]].concat();
+    let bytes = file(&prototype, &[(None, vec![point(0), point(2)])]);
+    assert_eq!(read(&bytes, &ReadOptions::default()).unwrap_err(), CloudError::NonFinite { row: 1 }.into());
+    let options = ReadOptions { policy: NonFinite::Drop, ..ReadOptions::default() };
+    assert_eq!(read(&bytes, &options).unwrap().nonfinite(), 1);
+}
+
+#[test]
+fn damaged_files_are_refused() {
+    let bytes = small();
+    for place in (0..bytes.len()).step_by(3) {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 0x55;
+        assert!(read(&damaged, &ReadOptions::default()).is_err(), "byte {place}: every page has a checksum");
+    }
+    for end in (0..bytes.len()).step_by(97) {
+        assert!(read(&bytes[..end], &ReadOptions::default()).is_err());
+    }
+    let mut long = bytes.clone();
+    long[32..40].copy_from_slice(&5_000_000_u64.to_le_bytes());
+    let error = read(&long, &ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("its description has 5000000 bytes; up to 4194304 are accepted"), "{error}");
+}
+
+#[test]
+fn packets_in_which_one_attribute_runs_ahead_are_refused() {
+    let scan = |records| e57_scan(&small(), records);
+    assert!(packets::check_streams(&small(), &scan(2)).is_ok());
+    let error = packets::check_streams(&small(), &scan(3)).unwrap_err().to_string();
+    assert!(error.contains("ends before all points") || error.contains("another number"), "{error}");
+    // One value of one bit per value of 64 bits: 32 KiB of the first are ahead by 260,000, eight packets by 2 million.
+    let mut lopsided = scan(u64::MAX);
+    lopsided.prototype[0].data_type = RecordDataType::Integer { min: 0, max: 1 };
+    let bytes = packets_of(&[32_768, 8, 8], 10);
+    lopsided.file_offset = 0;
+    let error = packets::check_streams(&bytes, &lopsided).unwrap_err().to_string();
+    assert!(error.contains("one attribute has"), "{error}");
+}
+
+fn e57_scan(bytes: &[u8], records: u64) -> e57::PointCloud {
+    let file = E57Reader::new(Cursor::new(bytes)).unwrap();
+    let mut scan = file.pointclouds().swap_remove(0);
+    scan.records = records;
+    scan
+}
+
+/// A section of data packets with streams of these lengths, in pages without valid checksums.
+fn packets_of(streams: &[u16], packets: usize) -> Vec<u8> {
+    let mut section = vec![0; 32];
+    section[0] = 1;
+    section[16..24].copy_from_slice(&32_u64.to_le_bytes());
+    for _ in 0..packets {
+        let start = section.len();
+        section.extend([1, 0, 0, 0]);
+        section.extend((streams.len() as u16).to_le_bytes());
+        section.extend(streams.iter().flat_map(|length| length.to_le_bytes()));
+        section.extend(streams.iter().flat_map(|&length| vec![0; usize::from(length)]));
+        section.resize(start + (section.len() - start).next_multiple_of(4), 0);
+        let length = (section.len() - start - 1) as u16;
+        section[start + 2..start + 4].copy_from_slice(&length.to_le_bytes());
+    }
+    section.chunks(1020).flat_map(|page| [page, &[0; 4]].concat()).collect()
+}

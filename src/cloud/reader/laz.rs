@@ -1,0 +1,104 @@
+//! Unpacking LAZ: what the crate `laz` allocates is held against the file first.
+
+use std::io::{Cursor, Seek, SeekFrom};
+
+use laz::{LasZipDecompressor, LazItemType, LazVlr};
+
+use super::las::File;
+use super::{Format, ReadError, check_unpacked};
+
+/// Points unpacked together: memory grows with what has been unpacked.
+const BATCH: usize = 50_000;
+
+/// The points of a file as records of `file.record` bytes.
+pub(super) fn unpack(bytes: &[u8], file: &File) -> Result<Vec<u8>, ReadError> {
+    let length = file.points.saturating_mul(file.record);
+    check_unpacked(Format::Laz, bytes.len(), length)?;
+    let is_ours = |record: &&las::raw::Vlr| {
+        record.user_id.starts_with(LazVlr::USER_ID.as_bytes()) && record.record_id == LazVlr::RECORD_ID
+    };
+    let record = file.records.iter().find(is_ours);
+    let record = record
+        .ok_or_else(|| file.refuse(file.body, "the record that describes the compression is missing"))?;
+    let described =
+        LazVlr::from_buffer(&record.data).map_err(|error| file.refuse(file.body, error.to_string()))?;
+    if described.items_size() != file.record as u64 {
+        let message =
+            format!("compressed points have {} bytes, {} are announced", described.items_size(), file.record);
+        return Err(file.refuse(file.body, message));
+    }
+    check_chunk_table(bytes, file)?;
+    // The version of the first item decides how `laz` unpacks; 3 and 4 are layers.
+    if described.items().first().is_some_and(|item| item.version() > 2) {
+        check_layers(bytes, file, &described)?;
+    }
+
+    let damaged = |done: usize, error: &dyn std::fmt::Display| {
+        file.refuse(file.body, format!("the compressed points from {done} on are damaged: {error}"))
+    };
+    let mut source = Cursor::new(bytes);
+    source.seek(SeekFrom::Start(file.body as u64)).map_err(|error| damaged(0, &error))?;
+    let mut decompressor = LasZipDecompressor::new(source, described).map_err(|error| damaged(0, &error))?;
+    let mut records = Vec::new();
+    while records.len() < length {
+        let done = records.len();
+        records.resize((done + BATCH * file.record).min(length), 0);
+        decompressor
+            .decompress_many(&mut records[done..])
+            .map_err(|error| damaged(done / file.record, &error))?;
+    }
+    Ok(records)
+}
+
+/// The table of chunks has an entry per chunk, and a chunk a point at least.
+fn check_chunk_table(bytes: &[u8], file: &File) -> Result<(), ReadError> {
+    let number =
+        |at: usize| bytes.get(at..).and_then(|rest| rest.first_chunk()).map(|b| i64::from_le_bytes(*b));
+    let behind_body = |at: &i64| usize::try_from(*at).is_ok_and(|at| at > file.body);
+    // Writers that cannot go back leave a placeholder, and the offset in the last bytes of the file.
+    let table = number(file.body).filter(behind_body).or_else(|| number(bytes.len().checked_sub(8)?));
+    let Some(table) = table.filter(behind_body).map(|at| at as usize) else { return Ok(()) };
+    let chunks = bytes.get(table + 4..).and_then(|rest| rest.first_chunk()).map(|b| u32::from_le_bytes(*b));
+    match chunks {
+        Some(chunks) if chunks as usize > file.points.max(1) => {
+            let message = format!("{chunks} chunks are announced for {} points", file.points);
+            Err(file.refuse(table, message))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Chunks of layers (point formats 6 to 10) announce the length of every layer: walks along all of them.
+fn check_layers(bytes: &[u8], file: &File, described: &LazVlr) -> Result<(), ReadError> {
+    let layers: usize = described
+        .items()
+        .iter()
+        .map(|item| match item.item_type() {
+            // Coordinates, flags, classification and the others are packed apart from each other.
+            LazItemType::Point14 => 9,
+            LazItemType::RGBNIR14 => 2,
+            LazItemType::Byte14(count) => count.into(),
+            _ => 1,
+        })
+        .sum();
+    let number = |at: usize| {
+        bytes.get(at..).and_then(|rest| rest.first_chunk()).map(|b| u32::from_le_bytes(*b) as usize)
+    };
+    let (mut at, mut points) = (file.body + 8, 0);
+    while points < file.points {
+        let counts = at + file.record;
+        let lengths =
+            |counts: usize| (1..=layers).map(|layer| number(counts + 4 * layer)).sum::<Option<usize>>();
+        let (Some(count @ 1..), Some(length)) = (number(counts), lengths(counts)) else {
+            return Err(file.refuse(at, format!("a chunk is incomplete behind {points} points")));
+        };
+        at = counts + 4 + 4 * layers + length;
+        if at > bytes.len() {
+            let message =
+                format!("a chunk of {count} points reaches {} bytes beyond the file", at - bytes.len());
+            return Err(file.refuse(counts, message));
+        }
+        points += count;
+    }
+    Ok(())
+}

@@ -1,0 +1,248 @@
+//! From where a cloud is looked at, and where its points fall in the picture.
+
+use crate::cloud::PointCloud;
+use crate::geometry::{Points, SearchTree};
+
+/// Share of the picture that is left free around the cloud.
+const MARGIN: f64 = 0.04;
+/// Points whose neighbours are looked at to tell the sampling's spacing.
+const PROBES: usize = 500;
+/// Neighbour whose distance is taken: in a surface the six nearest surround a point.
+const NEIGHBORS: usize = 7;
+/// Radius of a splat as a multiple of that distance: splats of neighbours overlap, gaps of scans stay open.
+const RADIUS: f64 = 0.75;
+
+/// The axis that points up in the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Up {
+    /// x.
+    X,
+    /// y, as most scanned objects have it.
+    Y,
+    /// z, as surveys have it.
+    #[default]
+    Z,
+}
+
+/// What is behind the points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Background {
+    /// White.
+    #[default]
+    White,
+    /// Black.
+    Black,
+    /// Nothing.
+    Transparent,
+}
+
+/// A view of a cloud, and the size of its picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Degrees about the axis that points up, from the next axis in the order x, y, z, x on (as in Matplotlib).
+    pub azimuth: f64,
+    /// Degrees above the plane of the other two axes.
+    pub elevation: f64,
+    /// What points up.
+    pub up: Up,
+    /// Pixels of a row, at least 1.
+    pub width: usize,
+    /// Rows, at least 1.
+    pub height: usize,
+    /// What is behind the points.
+    pub background: Background,
+}
+
+impl Default for View {
+    fn default() -> Self {
+        let (up, background) = (Up::default(), Background::default());
+        Self { azimuth: -60.0, elevation: 20.0, up, width: 800, height: 600, background }
+    }
+}
+
+impl Up {
+    /// All, in the order of their names.
+    pub const NAMES: [&str; 3] = ["x", "y", "z"];
+
+    /// The axis with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::X, Self::Y, Self::Z].into_iter().zip(Self::NAMES).find_map(|(up, n)| (n == name).then_some(up))
+    }
+}
+
+impl Background {
+    /// All, in the order of the variants.
+    pub const NAMES: [&str; 3] = ["white", "black", "transparent"];
+
+    /// The background with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        let all = [Self::White, Self::Black, Self::Transparent];
+        all.into_iter().zip(Self::NAMES).find_map(|(background, n)| (n == name).then_some(background))
+    }
+}
+
+/// An orthographic projection that fits a cloud into a picture.
+pub(super) struct Camera {
+    /// Directions to the right, up and towards the viewer.
+    axes: [[f64; 3]; 3],
+    /// What falls into the middle of the picture.
+    centre: [f64; 3],
+    /// Pixels per unit of length.
+    scale: f64,
+    width: usize,
+    height: usize,
+}
+
+impl Camera {
+    /// Fits all finite points, with `oversampling` times the pixels of the view along either side.
+    pub(super) fn new(cloud: &PointCloud, view: &View, oversampling: usize) -> Self {
+        let (sin_a, cos_a) = view.azimuth.to_radians().sin_cos();
+        let (sin_e, cos_e) = view.elevation.to_radians().sin_cos();
+        let right = [-sin_a, cos_a, 0.0];
+        let up = [-sin_e * cos_a, -sin_e * sin_a, cos_e];
+        let towards = [cos_e * cos_a, cos_e * sin_a, sin_e];
+        // Turning the names of the axes in a circle keeps hands right.
+        let turn = match view.up {
+            Up::X => 2,
+            Up::Y => 1,
+            Up::Z => 0,
+        };
+        let axes = [right, up, towards].map(|axis| [0, 1, 2].map(|i| axis[(i + turn) % 3]));
+        let (width, height) = (view.width.max(1) * oversampling, view.height.max(1) * oversampling);
+        let mut camera = Self { axes, centre: [0.0; 3], scale: 1.0, width, height };
+        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for row in 0..cloud.len() {
+            let Some(at) = position(cloud.point(row)).map(|p| camera.seen(p)) else { continue };
+            for axis in 0..3 {
+                low[axis] = low[axis].min(at[axis]);
+                high[axis] = high[axis].max(at[axis]);
+            }
+        }
+        if low[0] > high[0] {
+            return camera;
+        }
+        let middle = [0, 1, 2].map(|axis| low[axis] + 0.5 * (high[axis] - low[axis]));
+        camera.centre = [0, 1, 2].map(|i| (0..3).map(|axis| middle[axis] * axes[axis][i]).sum());
+        let room = |pixels: usize, extent: f64| pixels as f64 * (1.0 - 2.0 * MARGIN) / extent;
+        let scale = room(width, high[0] - low[0]).min(room(height, high[1] - low[1]));
+        camera.scale = if scale.is_finite() { scale } else { 1.0 };
+        camera
+    }
+
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    pub(super) fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Place in the picture in pixels from the top left, and distance towards the viewer in pixels; `None` for points
+    /// without a position.
+    pub(super) fn project(&self, point: &[f64]) -> Option<[f32; 3]> {
+        let [right, up, towards] = self.seen(position(point)?).map(|x| x * self.scale);
+        Some([right + 0.5 * self.width as f64, 0.5 * self.height as f64 - up, towards].map(|x| x as f32))
+    }
+
+    fn seen(&self, p: [f64; 3]) -> [f64; 3] {
+        self.axes.map(|axis| (0..3).map(|i| axis[i] * (p[i] - self.centre[i])).sum())
+    }
+
+    /// Radius of a point in pixels, by the spacing of its neighbours.
+    pub(super) fn splat_radius(&self, cloud: &PointCloud) -> f32 {
+        let least = 0.8;
+        let most = 0.05 * self.width.min(self.height) as f64;
+        let Ok(points) = Points::prepare(cloud, 1) else { return (most * 0.2).max(least) as f32 };
+        let tree = SearchTree::new(&points);
+        let mut found = Vec::new();
+        let step = points.len().div_ceil(PROBES);
+        let mut distances: Vec<f64> = (0..points.len())
+            .step_by(step)
+            .filter_map(|i| {
+                tree.nearest(&points, i, NEIGHBORS, &mut found);
+                found.iter().map(|neighbor| neighbor.squared_distance.sqrt()).reduce(f64::max)
+            })
+            .collect();
+        distances.sort_unstable_by(f64::total_cmp);
+        let spacing = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
+        (RADIUS * spacing * self.scale).clamp(least, most.max(least)) as f32
+    }
+}
+
+/// Three coordinates; `None` unless all are finite.
+fn position(point: &[f64]) -> Option<[f64; 3]> {
+    let p = [0, 1, 2].map(|axis| point.get(axis).copied().unwrap_or(0.0));
+    p.iter().all(|x| x.is_finite()).then_some(p)
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp)] // the middle is exact
+mod tests {
+    use super::*;
+    use crate::cloud::NonFinite;
+
+    /// The corners of a box of 2 × 4 × 6 far from the origin, and a point at its centre.
+    fn block() -> PointCloud {
+        let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2].map(|side| 2.0 * side as f64 - 1.0);
+        let far = |[x, y, z]: [f64; 3]| [1e6 + x, 2e6 + 2.0 * y, 3.0 * z];
+        let points = (0..8).map(corner).chain([[0.0; 3]]).flat_map(far).collect();
+        PointCloud::new(3, points, NonFinite::Reject).unwrap()
+    }
+
+    fn seen(view: View, row: usize) -> [f32; 3] {
+        Camera::new(&block(), &view, 1).project(block().point(row)).unwrap()
+    }
+
+    #[test]
+    fn the_cloud_is_centred_and_fills_the_picture() {
+        let view = View { azimuth: -90.0, elevation: 0.0, ..View::default() };
+        assert_eq!(seen(view, 8), [400.0, 300.0, 0.0]);
+        // Seen along y, z is up: 6 units in 600 pixels less the margin.
+        let pixels = 600.0 * (1.0 - 2.0 * MARGIN as f32) / 6.0;
+        let [x, y, _] = seen(view, 0);
+        assert!((x - (400.0 - pixels)).abs() < 1e-3 && (y - (300.0 + 3.0 * pixels)).abs() < 1e-3, "{x} {y}");
+    }
+
+    #[test]
+    fn every_axis_can_point_up() {
+        for (up, axis, length) in [(Up::X, 0, 2.0), (Up::Y, 1, 4.0), (Up::Z, 2, 6.0)] {
+            let view = View { azimuth: 0.0, elevation: 0.0, up, ..View::default() };
+            let camera = Camera::new(&block(), &view, 1);
+            let (low, high) = (
+                camera.project(block().point(0)).unwrap(),
+                camera.project(block().point(1 << axis)).unwrap(),
+            );
+            assert!(
+                (f64::from(low[1] - high[1]) - length * camera.scale).abs() < 1e-2,
+                "{up:?}: {low:?} {high:?}"
+            );
+            assert!((low[0] - high[0]).abs() < 1e-2);
+        }
+    }
+
+    #[test]
+    fn what_is_nearer_is_nearer() {
+        let view = View { azimuth: 0.0, elevation: 0.0, ..View::default() };
+        // From azimuth 0 the viewer stands on +x.
+        assert!(seen(view, 1)[2] > seen(view, 0)[2]);
+        let above = View { elevation: 90.0, ..view };
+        assert!(seen(above, 4)[2] > seen(above, 0)[2]);
+    }
+
+    #[test]
+    fn a_single_place_and_a_row_without_one_are_no_obstacle() {
+        let cloud = PointCloud::new(2, vec![1.0, 1.0, f64::NAN, 0.0], NonFinite::Drop).unwrap();
+        let camera = Camera::new(&cloud, &View::default(), 1);
+        assert!(camera.project(cloud.point(0)).unwrap().iter().all(|x| x.is_finite()));
+        assert_eq!(camera.project(cloud.point(1)), None);
+        assert!(camera.splat_radius(&cloud) > 0.0);
+    }
+
+    #[test]
+    fn every_name_is_found() {
+        assert!(Up::NAMES.iter().all(|name| Up::from_name(name).is_some()) && Up::from_name("w").is_none());
+        assert!(Background::NAMES.iter().all(|name| Background::from_name(name).is_some()));
+    }
+}

@@ -1,0 +1,198 @@
+//! Clouds in other formats, and pictures.
+
+#![allow(clippy::float_cmp)] // the same numbers, whatever the format
+
+use chladni::cloud::reader::{self, Format, ReadOptions};
+use chladni::cloud::{NonFinite, PointCloud, ScalarField, ScalarType};
+use reqwest::{Method, StatusCode};
+use serde_json::Value;
+
+use crate::service::{Service, detail, file, problem, sphere};
+
+/// A georeferenced sphere in millimetres, with a colour and an intensity.
+fn survey() -> PointCloud {
+    let sphere = sphere(200);
+    let place = |x: f64, offset: f64| (x * 1000.0).round() / 1000.0 + offset;
+    let offsets = [500_000.0, 5_200_000.0, 100.0];
+    let rows = (0..200).flat_map(|row| [0, 1, 2].map(|axis| place(sphere.point(row)[axis], offsets[axis])));
+    let field = |name: &str, kind, value: fn(usize) -> f64| ScalarField {
+        name: name.to_owned(),
+        kind,
+        values: (0..200).map(value).collect(),
+    };
+    let fields = vec![
+        field("intensity", ScalarType::Uint16, |i| 7.0 * i as f64),
+        field("red", ScalarType::Uint16, |i| i as f64),
+        field("green", ScalarType::Uint16, |_| 1.0),
+        field("blue", ScalarType::Uint16, |_| 65_535.0),
+    ];
+    PointCloud::new(3, rows.collect(), NonFinite::Reject).unwrap().with_fields(fields).unwrap()
+}
+
+async fn stored(service: &Service, bytes: Vec<u8>) -> String {
+    let created: Value = service.post("/clouds?analyze=false", bytes).await.json().await.unwrap();
+    created["links"]["points"].as_str().expect("a stored cloud is linked").to_owned()
+}
+
+#[tokio::test]
+async fn a_survey_in_las_comes_back_in_every_format_to_the_last_digit() {
+    let service = Service::start().await;
+    let path = stored(&service, file(&survey(), Format::Las)).await;
+    let formats = [
+        ("ply", Format::Ply, "application/ply"),
+        ("ply&encoding=ascii", Format::Ply, "application/ply"),
+        ("csv", Format::Csv, "text/csv"),
+        ("xyz", Format::Xyz, "text/x-xyz"),
+        ("las", Format::Las, "application/vnd.las"),
+        ("laz", Format::Laz, "application/vnd.laszip"),
+    ];
+    for (name, format, media_type) in formats {
+        let response = service.get(&format!("{path}?format={name}")).await;
+        assert_eq!(response.headers()["content-type"], media_type);
+        let disposition = response.headers()["content-disposition"].to_str().unwrap().to_owned();
+        assert!(disposition.ends_with(&format!(".{}\"", format.name())), "{disposition}");
+        let announced = response.content_length();
+        let bytes = response.bytes().await.unwrap();
+        assert_eq!(announced, Some(bytes.len() as u64));
+        let back = reader::read(&bytes, format, &ReadOptions::default()).unwrap();
+        for (found, expected) in back.coordinates().iter().zip(survey().coordinates()) {
+            // A unit in the last place of 5.2e6.
+            assert!((found - expected).abs() < 1e-9, "{name}: {found} {expected}");
+        }
+        for field in survey().fields() {
+            let found = back.fields().iter().find(|found| found.name == field.name).unwrap();
+            assert_eq!(found.values, field.values, "{name} {}", field.name);
+        }
+    }
+    let npz = service.get(&format!("{path}?format=npz")).await.bytes().await.unwrap();
+    let mut archive = npyz::npz::NpzArchive::new(std::io::Cursor::new(npz)).unwrap();
+    assert_eq!(archive.by_name("points").unwrap().unwrap().shape(), [200, 3]);
+    assert_eq!(archive.by_name("intensity").unwrap().unwrap().into_vec::<u16>().unwrap()[3], 21);
+}
+
+#[tokio::test]
+async fn a_filtered_survey_is_the_filtered_object_moved() {
+    let service = Service::start().await;
+    let offsets = [500_000.0, 5_200_000.0, 100.0];
+    let here = sphere(300);
+    let moved = here.coordinates().chunks(3).flat_map(|p| [0, 1, 2].map(|axis| p[axis] + offsets[axis]));
+    let there = PointCloud::new(3, moved.collect(), NonFinite::Reject).unwrap();
+    let mut filtered = Vec::new();
+    for cloud in [&here, &there] {
+        let id = service.succeed("bases=9", file(cloud, Format::Npy)).await;
+        let bytes = service.get(&format!("/jobs/{id}/filtered.ply?cutoff=4")).await.bytes().await.unwrap();
+        let cloud = reader::read(&bytes, Format::Ply, &ReadOptions::default()).unwrap();
+        assert_eq!(cloud.coordinate_type(), ScalarType::Float64);
+        filtered.push(cloud);
+    }
+    let pairs = filtered[0].coordinates().iter().zip(filtered[1].coordinates()).enumerate();
+    let farthest = pairs.map(|(i, (here, there))| (here + offsets[i % 3] - there).abs()).fold(0.0, f64::max);
+    // Two hundred units in the last place of 5.2e6.
+    assert!(farthest < 2e-7, "{farthest:e}");
+}
+
+#[tokio::test]
+async fn a_cloud_that_a_format_cannot_hold_is_refused_with_formats_that_can() {
+    let service = Service::start().await;
+    let text = (0..30).map(|i| format!("{i} {} 0 {}\n", i * i, i % 3)).collect::<Vec<_>>().concat();
+    let created: Value =
+        service.post("/clouds?analyze=false&coordinates=4", text).await.json().await.unwrap();
+    let path = created["links"]["points"].as_str().unwrap();
+    let response = service.get(&format!("{path}?format=las")).await;
+    let refused = problem(response, StatusCode::NOT_ACCEPTABLE, "not-acceptable").await;
+    assert!(detail(&refused).contains("these points have 4"), "{refused}");
+    assert_eq!(refused["accepted"][0], "ply");
+}
+
+#[tokio::test]
+async fn binary_formats_are_told_from_their_bytes_and_scans_by_number() {
+    let service = Service::start().await;
+    let mut stl = vec![0; 84];
+    stl[80] = 4;
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0_f32]];
+    for face in [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]] {
+        stl.extend([0; 12]);
+        stl.extend(face.iter().flat_map(|&corner: &usize| corners[corner]).flat_map(f32::to_le_bytes));
+        stl.extend([0; 2]);
+    }
+    let created: Value = service.post("/clouds?analyze=false", stl).await.json().await.unwrap();
+    assert_eq!((&created["cloud"]["points"], &created["cloud"]["faces"]), (&4.into(), &4.into()));
+    let pcd = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\nDATA ascii\n1 2 x\n";
+    let refused =
+        problem(service.post("/clouds", pcd).await, StatusCode::BAD_REQUEST, "malformed-file").await;
+    assert_eq!(
+        detail(&refused),
+        "PCD, line 8: `x` is no number; decimal numbers such as -1.5e-3 are accepted"
+    );
+    let refused = service.post("/clouds?scan=some", pcd).await;
+    problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;
+}
+
+async fn png(service: &Service, path: &str) -> Vec<u8> {
+    let response = service.get(path).await;
+    assert_eq!(response.status(), StatusCode::OK, "{path}");
+    assert_eq!(response.headers()["content-type"], "image/png");
+    let bytes = response.bytes().await.unwrap().to_vec();
+    assert!(bytes.starts_with(b"\x89PNG\r\n\x1a\n"), "{path}");
+    bytes
+}
+
+#[tokio::test]
+async fn bases_filtered_clouds_feature_points_and_clouds_are_drawn() {
+    let service = Service::start().await;
+    let id = service.succeed("bases=6", file(&sphere(300), Format::Ply)).await;
+    let cloud = service.json(&format!("/jobs/{id}")).await["cloud_id"].as_str().unwrap().to_owned();
+    let size = "width=90&height=60";
+    let paths = [
+        format!("/jobs/{id}/bases/1/image.png?{size}"),
+        format!("/jobs/{id}/bases/2/image.png?{size}"),
+        format!("/jobs/{id}/bases/2/image.png?{size}&azimuth=40&up=y"),
+        format!("/jobs/{id}/filtered.png?cutoff=3&{size}"),
+        format!("/jobs/{id}/features.png?{size}"),
+        format!("/clouds/{cloud}/points?format=png&{size}"),
+    ];
+    let mut pictures = Vec::new();
+    for path in &paths {
+        let picture = png(&service, path).await;
+        assert!(!pictures.contains(&picture), "{path}");
+        assert_eq!(png(&service, path).await, picture, "the same picture every time");
+        pictures.push(picture);
+    }
+    let first = service.get(&paths[0]).await;
+    let etag = first.headers()["etag"].clone();
+    let again =
+        service.client.get(service.url(&paths[0])).header("if-none-match", etag).send().await.unwrap();
+    assert_eq!(again.status(), StatusCode::NOT_MODIFIED);
+    let head = service.client.request(Method::HEAD, service.url(&paths[0])).send().await.unwrap();
+    assert_eq!(head.headers()["content-length"], pictures[0].len().to_string());
+}
+
+#[tokio::test]
+async fn a_picture_of_what_is_not_there_is_refused() {
+    let service = Service::start().await;
+    let id = service.succeed("bases=4", file(&sphere(100), Format::Ply)).await;
+    for (path, kind, status) in [
+        ("bases/4/image.png", "not-found", StatusCode::NOT_FOUND),
+        ("bases/first/image.png", "not-found", StatusCode::NOT_FOUND),
+        ("bases/1/image.png?width=0", "invalid-parameter", StatusCode::UNPROCESSABLE_ENTITY),
+        ("bases/1/image.png?height=2049", "invalid-parameter", StatusCode::UNPROCESSABLE_ENTITY),
+        ("bases/1/image.png?elevation=91", "invalid-parameter", StatusCode::UNPROCESSABLE_ENTITY),
+        ("bases/1/image.png?azimut=3", "unknown-parameter", StatusCode::UNPROCESSABLE_ENTITY),
+    ] {
+        problem(service.get(&format!("/jobs/{id}/{path}")).await, status, kind).await;
+    }
+}
+
+#[tokio::test]
+async fn the_spectrum_is_plotted() {
+    let service = Service::start().await;
+    let id = service.succeed("bases=6", file(&sphere(300), Format::Ply)).await;
+    let asked =
+        service.client.get(service.url(&format!("/jobs/{id}/spectrum"))).header("accept", "image/svg+xml");
+    let response = asked.send().await.unwrap();
+    assert_eq!(response.headers()["content-type"], "image/svg+xml");
+    let svg = response.text().await.unwrap();
+    assert_eq!(svg.matches("<circle").count(), 6);
+    assert!(svg.contains("6 eigenvalues, operator pb-mhb"));
+    assert_eq!(service.get(&format!("/jobs/{id}/spectrum.svg")).await.text().await.unwrap(), svg);
+}
