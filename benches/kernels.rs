@@ -76,7 +76,7 @@ fn solves(criterion: &mut Criterion) {
             b.iter(|| factor.solve(&mut block.clone()));
         });
         group.bench_with_input(BenchmarkId::new("gram", columns), &block, |b, block| {
-            b.iter(|| gram(block, block))
+            b.iter(|| gram(block, block));
         });
     }
     group.finish();

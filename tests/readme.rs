@@ -14,7 +14,7 @@ const README: &str = include_str!("../README.md");
 const ADDRESS: &str = "127.0.0.1:8080";
 /// Commands that build, never end, or take hours are not run; each has tests of its own.
 const NOT_RUN: [&str; 5] =
-    ["cargo test", "cargo run --release -- demo", "cargo run --release -- serve", "bumpy", "reproduce"];
+    ["cargo test", "cargo run --release -- demo", "cargo run --release -- serve", "benches/", "reproduce"];
 
 /// The blocks of a language, each with the commands in it.
 fn blocks(language: &str) -> Vec<String> {
