@@ -85,8 +85,8 @@ impl Tour {
     }
 
     /// Submits a file and waits; the ids of cloud and job.
-    fn submit(&self, file: &str) -> (String, String) {
-        let told = self.succeed(&format!("curl -T {file} 'http://{ADDRESS}/clouds?bases=50'"), &[]);
+    fn submit(&self, file: &str, query: &str) -> (String, String) {
+        let told = self.succeed(&format!("curl -T {file} 'http://{ADDRESS}/clouds?{query}'"), &[]);
         let answer: serde_json::Value = serde_json::from_str(&told).unwrap();
         let id = |of: &str| answer[of]["id"].as_str().unwrap().to_owned();
         let job = id("job");
@@ -109,10 +109,16 @@ fn every_command_of_the_readme_works() {
     let tour = Tour::start();
     tour.succeed("chladni sample sphere --points 400 -o sphere.ply", &[]);
     tour.succeed("chladni sample torus --points 400 -o torus-to-compare.ply", &[]);
-    let (cloud, job) = tour.submit("sphere.ply");
-    let (_, other) = tour.submit("torus-to-compare.ply");
+    let (cloud, job) = tour.submit("sphere.ply", "bases=50");
+    let (_, other) = tour.submit("torus-to-compare.ply", "bases=50");
+    let (_, operator) = tour.submit("sphere.ply", "kind=operator");
     let at = |kind: &str, id: &str| format!("http://{}/{kind}/{id}", tour.address);
-    let names = [("J", at("jobs", &job)), ("C", at("clouds", &cloud)), ("OTHER", other)];
+    let names = [
+        ("J", at("jobs", &job)),
+        ("O", at("jobs", &operator)),
+        ("C", at("clouds", &cloud)),
+        ("OTHER", other),
+    ];
     let mut run = 0;
     for command in blocks("sh").iter().flat_map(|block| block.lines()) {
         let is_command = !command.is_empty() && !command.starts_with('#');

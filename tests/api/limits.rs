@@ -40,8 +40,8 @@ const LIMITS: [(&str, &str); 19] = [
 ];
 
 /// Settings that bound nothing for a client.
-const NO_LIMITS: [&str; 7] =
-    ["listen", "database", "threads", "grace-seconds", "api-keys", "keys", "allow-public"];
+const NO_LIMITS: [&str; 8] =
+    ["listen", "database", "threads", "grace-seconds", "api-keys", "keys", "allow-public", "cors-origins"];
 
 #[tokio::test]
 async fn every_setting_that_is_a_limit_is_told_with_its_value() {

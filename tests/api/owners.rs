@@ -77,6 +77,7 @@ fn requests(own: &Own, other: &str) -> Vec<(Method, String, String)> {
             let filled = path
                 .replace("{id}", id)
                 .replace("{other}", other)
+                .replace("{basis}", "1")
                 .replace("{file}", "spectrum.json")
                 .replace("/problems/{name}", "/problems/not-found");
             assert!(!filled.contains('{'), "{path}: say here what its parameters stand for");

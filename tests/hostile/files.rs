@@ -1,8 +1,11 @@
 //! The files: valid ones, every way to damage them, and some that are made to hurt.
 
+use std::io::Cursor;
+
 use chladni::cloud::reader::Format;
 use chladni::cloud::shapes::{SampleRequest, Shape, sample};
 use chladni::cloud::writer::write;
+use e57::{E57Writer, Record, RecordDataType, RecordName, RecordValue};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -26,10 +29,17 @@ pub(crate) fn seeds() -> Vec<File> {
     let sphere = sample(&SampleRequest::new(Shape::Sphere, 12)).unwrap();
     let mut seeds = Vec::new();
     for format in Format::ALL {
-        let mut bytes = Vec::new();
-        write(&sphere, format, &mut bytes).unwrap();
+        let bytes = match format {
+            Format::Stl | Format::Pcd | Format::E57 => continue,
+            _ => {
+                let mut bytes = Vec::new();
+                write(&sphere, format, &mut bytes).unwrap();
+                bytes
+            }
+        };
         seeds.push(file(format!("{format} as written"), Some(format), bytes));
     }
+    seeds.extend(read_only_formats());
     let mut binary = b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
         property float z\nproperty uchar red\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
         .to_vec();
@@ -56,6 +66,57 @@ pub(crate) fn seeds() -> Vec<File> {
         "2\n//X Y Z Intensity\n1 2 3 4\n5 6 7 8 # end\n",
     ));
     seeds
+}
+
+/// Valid files of the formats that are read but not written.
+fn read_only_formats() -> Vec<File> {
+    let mut stl = vec![b' '; 80];
+    stl.extend(2_u32.to_le_bytes());
+    for facet in [[0.0_f32, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]; 2] {
+        stl.extend(facet.iter().flat_map(|x| x.to_le_bytes()));
+        stl.extend([0, 0]);
+    }
+    let text = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
+        endsolid a\n";
+    let header = |data: &str| {
+        format!(
+            "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH 3\n\
+             HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 3\nDATA {data}\n"
+        )
+    };
+    let mut binary = header("binary").into_bytes();
+    binary.extend((0_u8..12).flat_map(|i| f32::from(i).to_le_bytes()));
+    let mut compressed = header("binary_compressed").into_bytes();
+    // one literal run of 32 bytes and one of 16: LZF without any repetition
+    let plain: Vec<u8> = (0_u8..12).flat_map(|i| f32::from(i).to_le_bytes()).collect();
+    compressed.extend([50, 0, 0, 0, 48, 0, 0, 0, 31]);
+    compressed.extend(&plain[..32]);
+    compressed.push(15);
+    compressed.extend(&plain[32..]);
+    vec![
+        file("binary stl", Some(Format::Stl), stl),
+        file("ascii stl", Some(Format::Stl), text),
+        file("ascii pcd", Some(Format::Pcd), header("ascii") + "0 0 0 1\n1 0 0 2\n0 1 0 3\n"),
+        file("binary pcd", Some(Format::Pcd), binary),
+        file("compressed pcd", Some(Format::Pcd), compressed),
+        file("e57", Some(Format::E57), e57()),
+    ]
+}
+
+fn e57() -> Vec<u8> {
+    let axes = [RecordName::CartesianX, RecordName::CartesianY, RecordName::CartesianZ];
+    let double = RecordDataType::Double { min: None, max: None };
+    let prototype = axes.map(|name| Record { name, data_type: double.clone() }).to_vec();
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "file").unwrap();
+    let mut scan = writer.add_pointcloud("scan", prototype).unwrap();
+    for i in 0..5 {
+        scan.add_point([i, i * i, 1].map(|x| RecordValue::Double(f64::from(x))).to_vec()).unwrap();
+    }
+    scan.finalize().unwrap();
+    writer.finalize().unwrap();
+    drop(writer);
+    bytes.into_inner()
 }
 
 /// All small files: every seed damaged in every way, and those made by hand.
