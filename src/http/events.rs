@@ -9,6 +9,7 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use sha2::{Digest, Sha256};
+use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::jobs::{self, JobView, Nothing};
@@ -20,6 +21,20 @@ use crate::store::JobRecord;
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Pause after which a client connects again.
 const RETRY: Duration = Duration::from_secs(1);
+
+/// An event, as the lines of the stream tell it.
+#[derive(Debug, ToSchema)]
+#[allow(dead_code)] // names the answer in the OpenAPI document
+pub(crate) struct JobEvent {
+    /// Names this state of the job: what `Last-Event-ID` repeats.
+    id: String,
+    /// `progress`, or the state that the job ended in.
+    event: String,
+    /// Milliseconds after which to connect again.
+    retry: u64,
+    /// The job as of `GET /jobs/{id}`, in JSON.
+    data: String,
+}
 
 /// A job's state and progress as server-sent events.
 ///
@@ -36,7 +51,7 @@ const RETRY: Duration = Duration::from_secs(1);
         ("Last-Event-ID" = Option<String>, Header, description = "The id of the last event that the client has."),
     ),
     responses(
-        (status = 200, description = "The events.", body = String, content_type = "text/event-stream"),
+        (status = 200, description = "The events.", body = JobEvent, content_type = "text/event-stream"),
         (status = 204, description = "The client knows how the job ended."),
         (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
