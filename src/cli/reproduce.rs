@@ -71,7 +71,6 @@ const EXPERIMENTS: &[Experiment] = &[
     Experiment { name: "pbmhb-figure-7", run: point_based_bases::figure_7 },
     Experiment { name: "pbmhb-figure-8", run: point_based_bases::figure_8 },
     Experiment { name: "pbmhb-figure-10", run: point_based_features::figure_10 },
-    Experiment { name: "pbmhb-figure-11", run: point_based_features::figure_11 },
     Experiment { name: "pbmhb-figure-12", run: point_based_rims::figure_12 },
     Experiment { name: "pbmhb-figure-13", run: point_based_rims::figure_13 },
     Experiment { name: "pcd-table-2", run: pcd::table_2 },
