@@ -1,6 +1,7 @@
 //! `GET /docs`: the OpenAPI document as a page, without scripts and without anything from elsewhere.
 
 use std::fmt::Write as _;
+use std::sync::LazyLock;
 
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -31,10 +32,15 @@ const METHODS: [&str; 4] = ["get", "put", "post", "delete"];
     responses((status = 200, description = "The page.", body = String, content_type = "text/html"))
 )]
 pub(crate) async fn docs() -> Result<Response, Problem> {
-    let document = serde_json::to_value(openapi::document()).map_err(|error| Problem::internal(&error))?;
+    // Made once, as the document is.
+    static PAGE: LazyLock<Result<String, String>> = LazyLock::new(|| {
+        let document = serde_json::to_value(openapi::document()).map_err(|error| error.to_string())?;
+        Ok(page(&document))
+    });
+    let html = PAGE.as_ref().map_err(|error| Problem::internal(error))?;
     let headers =
         [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CONTENT_SECURITY_POLICY, POLICY)];
-    Ok((headers, page(&document)).into_response())
+    Ok((headers, html.as_str()).into_response())
 }
 
 /// The whole page. Writing to a string cannot fail.

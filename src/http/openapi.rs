@@ -1,5 +1,7 @@
 //! The OpenAPI document: generated from the routes, the same as the file at the top of the repository.
 
+use std::sync::LazyLock;
+
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
@@ -53,6 +55,9 @@ pub fn document() -> OpenApi {
     responses((status = 200, description = "The document.", body = Object, content_type = "application/yaml"))
 )]
 pub(crate) async fn openapi() -> Result<Response, Problem> {
-    let yaml = document().to_yaml().map_err(|error| Problem::internal(&error))?;
-    Ok(([(header::CONTENT_TYPE, "application/yaml")], yaml).into_response())
+    // Made once: it takes milliseconds, too long for a thread that serves others.
+    static YAML: LazyLock<Result<String, String>> =
+        LazyLock::new(|| document().to_yaml().map_err(|error| error.to_string()));
+    let yaml = YAML.as_ref().map_err(|error| Problem::internal(error))?;
+    Ok(([(header::CONTENT_TYPE, "application/yaml")], yaml.as_str()).into_response())
 }

@@ -15,7 +15,7 @@ use crate::operator::{Sparse, Structure};
 use crate::progress::{Phase, Progress};
 
 /// Problems of at most this many points are solved densely.
-pub const DENSE_POINTS: usize = 500;
+const DENSE_POINTS: usize = 500;
 
 /// Larger shares `k/n` of the spectrum than this are solved densely.
 const DENSE_SHARE: f64 = 0.2;
@@ -35,6 +35,9 @@ const INERTIA_ENTRIES_PER_ROW: usize = 200;
 
 /// Searches for eigenvalues that were missed, before the answer says that some are.
 const SEARCHES_MAX: u32 = 30;
+
+/// Gaps at which the count of eigenvalues is tried: a factorisation at each.
+const GAPS_TRIED: usize = 9;
 
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
 const GUARD_MIN: usize = 12;
@@ -85,6 +88,12 @@ pub struct Solution {
     pub method: Method,
 }
 
+/// Whether `count` pairs of a semi-definite problem of `n` points are computed from the dense matrix.
+#[must_use]
+pub fn is_dense(n: usize, count: usize) -> bool {
+    n <= DENSE_POINTS || (count as f64 > DENSE_SHARE * n as f64 && n <= DENSE_POINTS_MAX)
+}
+
 /// The smallest eigenpairs of a problem.
 ///
 /// # Errors
@@ -98,8 +107,7 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
     if problem.structure != Structure::SemiDefinite {
         return general_solve(problem, request, progress);
     }
-    let dense = n <= DENSE_POINTS || (count as f64 > DENSE_SHARE * n as f64 && n <= DENSE_POINTS_MAX);
-    if dense {
+    if is_dense(n, count) {
         progress.enter(Phase::Eigenpairs)?;
         let pairs = dense::solve(problem, count)?;
         progress.enter(Phase::Certificates)?;
@@ -150,19 +158,30 @@ fn direct_solve<P>(
         shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, |share| share)?;
     progress.enter(Phase::Certificates)?;
     let counts = symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size();
+    let mut factor = Some(factor);
     let mut searches = 0;
     let missed = loop {
-        let missed = if counts {
-            missed_by_inertia(problem, symbolic, &pairs.values)?
-        } else {
-            missed_by_probe(problem, &Towards::Inverse(&factor), &pairs, wanted, progress)?
+        let missed = match &factor {
+            Some(factor) if !counts => {
+                missed_by_probe(problem, &Towards::Inverse(factor), &pairs, wanted, progress)?
+            }
+            _ => {
+                // the count has a factor of its own: both at once would be the peak of the whole analysis
+                factor = None;
+                missed_by_inertia(problem, symbolic, &pairs.values)?
+            }
         };
         searches += 1;
         match missed.0 {
             Some(more) if more > 0 && searches <= SEARCHES_MAX => {
                 progress.advance(f64::from(searches) / f64::from(SEARCHES_MAX + 1))?;
-                pairs = with_missed(problem, &factor, pairs, more, request.tolerance, progress)?;
+                let inverse = match factor.take() {
+                    Some(inverse) => inverse,
+                    None => symbolic.factor(&problem.matrix, problem.shift)?,
+                };
+                pairs = with_missed(problem, &inverse, pairs, more, request.tolerance, progress)?;
                 pairs.truncate(found);
+                factor = Some(inverse);
             }
             _ => break missed,
         }
@@ -200,10 +219,8 @@ fn missed_by_inertia(
     symbolic: &Symbolic,
     values: &[f64],
 ) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
-    for (k, pair) in values.windows(2).enumerate().rev() {
-        if pair[1] - pair[0] < 1e-4 * pair[1] {
-            continue;
-        }
+    let gaps = values.windows(2).enumerate().rev().filter(|(_, pair)| pair[1] - pair[0] >= 1e-4 * pair[1]);
+    for (k, pair) in gaps.take(GAPS_TRIED) {
         let bound = 0.5 * (pair[0] + pair[1]);
         if let Some(below) = symbolic.eigenvalues_below(&problem.matrix, bound)? {
             let expected = problem.zero_modes() + k + 1;

@@ -200,3 +200,23 @@ async fn what_was_stored_without_keys_is_out_of_reach_of_every_key() {
     let service = service.restart().await;
     assert_eq!(service.get(&path).await.status(), StatusCode::OK);
 }
+
+#[tokio::test]
+async fn the_name_of_a_submission_is_its_owners_own() {
+    let service = Keyed::start().await;
+    let submit = async |key: &str| {
+        let request = service.0.client.post(service.0.url("/clouds?analyze=false")).bearer_auth(key);
+        let request = request.header("idempotency-key", "monday").body(file(&sphere(100), Format::Ply));
+        let response = request.send().await.unwrap();
+        assert_eq!(response.status(), StatusCode::CREATED);
+        let replayed = response.headers().contains_key("idempotency-replayed");
+        let answer: Value = response.json().await.unwrap();
+        (answer["cloud"]["id"].as_str().unwrap().to_owned(), replayed)
+    };
+    let (alpha, beta, gamma) =
+        (submit("alpha-key").await, submit("beta-key").await, submit("gamma-key").await);
+    assert!(!alpha.1 && !beta.1);
+    assert_ne!(alpha.0, beta.0);
+    // beta and gamma are keys of one owner
+    assert_eq!(gamma, (beta.0, true));
+}

@@ -177,7 +177,8 @@ async fn a_job_that_kills_the_process_ends_failed_after_three_attempts_and_other
     loop {
         let mut process = Process::start(&database);
         if killed == 0 {
-            poisonous = process.submit("bases=3&operator=voronoi", sphere(50)).await.unwrap();
+            // Long enough that it cannot end before the test looks.
+            poisonous = process.submit("bases=100&operator=voronoi", sphere(20_000)).await.unwrap();
             for points in 51..54 {
                 innocent.push(process.submit("bases=3&operator=voronoi", sphere(points)).await.unwrap());
             }
