@@ -24,6 +24,7 @@ use crate::geometry::{
 };
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
+use crate::spectrum::slicing::Weyl;
 use crate::spectrum::solver::{DENSE_POINTS_MAX, DENSE_POINTS_MAX_GENERAL, Request};
 use crate::spectrum::{Eigenbasis, Problem, Spectrum, certificates, solve};
 
@@ -207,6 +208,11 @@ fn eigenpairs(
         tolerance: parameters.tolerance,
         position: |i: u32| points.point(active[i as usize] as usize),
         narrow: narrow.as_ref(),
+        weyl: (!report.operator.is_combinatorial()).then(|| Weyl {
+            first: first_eigenvalue(report, plateau),
+            dimension: report.dimension,
+            t: heat_kernel.map(|kernel| kernel.t),
+        }),
         plateau,
         saturates: heat_kernel.is_some(),
     };

@@ -186,6 +186,12 @@ pub fn replace_by_product(a: &mut Block, m: MatRef<'_, f64>) {
 /// Euclidean norms of the columns.
 #[must_use]
 pub fn column_norms(a: &Block) -> Vec<f64> {
+    column_products(a, a).into_iter().map(f64::sqrt).collect()
+}
+
+/// Inner product of every column with the same of `b`.
+#[must_use]
+pub fn column_products(a: &Block, b: &Block) -> Vec<f64> {
     let share = a.rows.div_ceil(PARTIAL_SUMS).max(CHUNK_ROWS);
     let starts: Vec<usize> = (0..a.rows).step_by(share).collect();
     let partial: Vec<Vec<f64>> = starts
@@ -193,8 +199,8 @@ pub fn column_norms(a: &Block) -> Vec<f64> {
         .map(|start| {
             let mut sums = vec![0.0; a.columns];
             for i in start..a.rows.min(start + share) {
-                for (sum, x) in sums.iter_mut().zip(a.row(i)) {
-                    *sum += x * x;
+                for ((sum, x), y) in sums.iter_mut().zip(a.row(i)).zip(b.row(i)) {
+                    *sum += x * y;
                 }
             }
             sums
@@ -206,7 +212,7 @@ pub fn column_norms(a: &Block) -> Vec<f64> {
             *t += s;
         }
     }
-    total.into_iter().map(f64::sqrt).collect()
+    total
 }
 
 #[cfg(test)]

@@ -1,21 +1,21 @@
-//! Sparse Cholesky factors of shifted stiffness matrices, with faer's supernodal factorisation.
+//! Sparse Cholesky factors of shifted stiffness matrices, with signs where the shift makes them indefinite, by faer's
+//! supernodal factorisation.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
-use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
-use faer::sparse::linalg::cholesky::supernodal::{SupernodalLdltRef, SymbolicSupernodalCholesky};
+use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, Mat, Par, Side};
+use faer::{Par, Side};
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::substitution::{WIDTH_MAX, WIDTH_MIN};
+use super::substitution::{Signed, WIDTH_MAX, WIDTH_MIN};
 use super::{SpectrumError, substitution};
 use crate::operator::Sparse;
 
@@ -84,37 +84,26 @@ impl Symbolic {
     /// # Errors
     /// [`SpectrumError::Factorization`] when the matrix is not positive definite or the probe fails.
     pub fn factor(&self, matrix: &Sparse, shift: f64) -> Result<Cholesky<'_>, SpectrumError> {
-        let values = shifted(matrix, shift);
-        let a = SparseColMatRef::new(self.pattern(matrix), &values);
-        let mut factor = vec![0.0; self.structure.len_val()];
-        let mut memory =
-            allocate(self.structure.factorize_numeric_llt_scratch::<f64>(Par::Seq, faer::Spec::default()))?;
-        self.structure
-            .factorize_numeric_llt(
-                &mut factor,
-                a,
-                Side::Lower,
-                LltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut memory),
-                faer::Spec::default(),
-            )
-            .map_err(|error| SpectrumError::Factorization(format!("not positive definite: {error:?}")))?;
-        let cholesky = Cholesky { symbolic: self, factor };
-        let relative = probe(matrix, shift, |x| cholesky.solve(x));
-        if relative.is_nan() || relative > PROBE_MAX {
-            return Err(SpectrumError::Factorization(format!("the probe |Ax−b|/|b| is {relative:e}")));
+        match self.factor_indefinite(matrix, shift)? {
+            Some(cholesky) if cholesky.negative.is_empty() => Ok(cholesky),
+            Some(_) => Err(SpectrumError::Factorization("not positive definite".into())),
+            None => {
+                Err(SpectrumError::Factorization("a pivot is zero, or the probe |Ax−b|/|b| fails".into()))
+            }
         }
-        Ok(cholesky)
     }
 
-    /// Number of eigenvalues of `A` below `bound`, by Sylvester's law of inertia from the signs of `D` in
-    /// `A − bound·I = L D Lᵀ`; `None` when the factor fails its probe (`bound` too near an eigenvalue).
+    /// Factors `A + shift·I`, which may have negative eigenvalues; `None` when a pivot is zero or the factor fails its
+    /// probe (`−shift` too near an eigenvalue).
     ///
     /// # Errors
     /// [`SpectrumError::Factorization`] when memory cannot be had.
-    pub fn eigenvalues_below(&self, matrix: &Sparse, bound: f64) -> Result<Option<usize>, SpectrumError> {
-        let values = shifted(matrix, -bound);
+    pub fn factor_indefinite(
+        &self,
+        matrix: &Sparse,
+        shift: f64,
+    ) -> Result<Option<Cholesky<'_>>, SpectrumError> {
+        let values = shifted(matrix, shift);
         let a = SparseColMatRef::new(self.pattern(matrix), &values);
         let mut factor = vec![0.0; self.structure.len_val()];
         let spec = faer::Spec::default();
@@ -131,23 +120,42 @@ impl Symbolic {
         if factored.is_err() {
             return Ok(None);
         }
-        let relative = probe(matrix, -bound, |x| {
-            let mut column = Mat::from_fn(x.rows(), 1, |i, _| x.row(i)[0]);
-            let mut memory = MemBuffer::new(self.structure.solve_in_place_scratch::<f64>(1, Par::Seq));
-            LdltRef::new(&self.structure, &factor).solve_in_place_with_conj(
-                Conj::No,
-                column.as_mut(),
-                Par::Seq,
-                MemStack::new(&mut memory),
-            );
-            x.for_each_row(|i, row| row[0] = column[(i, 0)]);
-        });
-        let ldlt = SupernodalLdltRef::new(self.supernodes(), &factor);
-        let negative = |s: usize| {
-            let diagonal = ldlt.supernode(s).val();
-            (0..diagonal.ncols()).filter(|&k| diagonal[(k, k)] < 0.0).count()
-        };
-        Ok((relative <= PROBE_MAX).then(|| (0..self.supernodes().n_supernodes()).map(negative).sum()))
+        drop((memory, values));
+        let negative = self.divide_pivots(&mut factor);
+        let cholesky = Cholesky { symbolic: self, factor, negative };
+        let relative = probe(matrix, shift, |x| cholesky.solve(x));
+        Ok((relative <= PROBE_MAX).then_some(cholesky))
+    }
+
+    /// Turns `L D Lᵀ` into `(L |D|^½) sign(D) (L |D|^½)ᵀ`, and tells the negative pivots' places.
+    fn divide_pivots(&self, factor: &mut [f64]) -> Vec<u32> {
+        let supernodes = self.supernodes();
+        let mut negative = Vec::new();
+        for s in 0..supernodes.n_supernodes() {
+            let start = supernodes.supernode_begin()[s];
+            let width = (supernodes.supernode_end()[s] - start) as usize;
+            let height = width + supernodes.nnz_per_super()[s] as usize;
+            let values = &mut factor[supernodes.col_ptr_for_val()[s] as usize..][..width * height];
+            for (k, column) in values.chunks_exact_mut(height).enumerate() {
+                let pivot = column[k];
+                if pivot < 0.0 {
+                    negative.push(start + k as u32);
+                }
+                let root = pivot.abs().sqrt();
+                column[k] = root;
+                column[k + 1..].iter_mut().for_each(|x| *x *= root);
+            }
+        }
+        negative
+    }
+
+    /// Number of eigenvalues of `A` below `bound`, by Sylvester's law of inertia from the signs of the pivots of
+    /// `A − bound·I`; `None` when it cannot be factored (`bound` too near an eigenvalue).
+    ///
+    /// # Errors
+    /// [`SpectrumError::Factorization`] when memory cannot be had.
+    pub fn eigenvalues_below(&self, matrix: &Sparse, bound: f64) -> Result<Option<usize>, SpectrumError> {
+        Ok(self.factor_indefinite(matrix, -bound)?.map(|cholesky| cholesky.negative_eigenvalues()))
     }
 
     fn pattern<'a>(&'a self, matrix: &'a Sparse) -> SymbolicSparseColMatRef<'a, u32> {
@@ -192,13 +200,21 @@ fn probe(matrix: &Sparse, shift: f64, solve: impl FnOnce(&mut Block)) -> f64 {
     (error / size).sqrt()
 }
 
-/// A factor of `A + shift·I`.
+/// `A + shift·I = L S Lᵀ` with signs `S`, all positive where the matrix is definite.
 pub struct Cholesky<'a> {
     symbolic: &'a Symbolic,
     factor: Vec<f64>,
+    /// Places of the negative signs.
+    negative: Vec<u32>,
 }
 
 impl Cholesky<'_> {
+    /// Number of eigenvalues of the factored matrix below 0, by Sylvester's law of inertia.
+    #[must_use]
+    pub fn negative_eigenvalues(&self) -> usize {
+        self.negative.len()
+    }
+
     /// `X ← (A + shift·I)⁻¹ X`, groups of columns in parallel.
     pub fn solve(&self, x: &mut Block) {
         let Symbolic { order, place, .. } = self.symbolic;
@@ -214,7 +230,8 @@ impl Cholesky<'_> {
                 for (row, &i) in group.chunks_exact_mut(width).zip(order) {
                     row[..count].copy_from_slice(&source.row(i as usize)[first..first + count]);
                 }
-                substitution::solve(self.symbolic.supernodes(), &self.factor, &mut group, width);
+                let factor = Signed { values: &self.factor, negative: &self.negative };
+                substitution::solve(self.symbolic.supernodes(), factor, &mut group, width);
                 group
             })
             .collect();

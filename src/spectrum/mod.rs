@@ -5,6 +5,7 @@
 
 pub mod block;
 pub mod certificates;
+pub mod chebyshev;
 pub mod cholesky;
 pub mod dense;
 pub mod eigenbasis;
@@ -16,6 +17,7 @@ pub mod orthogonal;
 mod probe;
 pub mod problem;
 pub mod shift_invert;
+pub mod slicing;
 pub mod solver;
 mod sparse_product;
 pub mod start;

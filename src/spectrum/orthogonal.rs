@@ -19,9 +19,13 @@ pub fn eigen(matrix: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>), SpectrumEr
     Ok((values, eigen.U().to_owned()))
 }
 
+/// Columns of which every combination is at least this share of their squared lengths need no second round.
+const INDEPENDENT: f64 = 0.1;
+
 /// `M` and `R` with `(W M)ᵀ(W M) = I` and `W = (W M) R`, up to directions of no length, from `WᵀW`
-/// (SVQB, Stathopoulos and Wu 2002).
-fn normalizer(gram: MatRef<'_, f64>) -> Result<(Mat<f64>, Mat<f64>), SpectrumError> {
+/// (SVQB, Stathopoulos and Wu 2002), and how independent the columns are: the smallest eigenvalue of their angles'
+/// cosines.
+fn normalizer(gram: MatRef<'_, f64>) -> Result<(Mat<f64>, Mat<f64>, f64), SpectrumError> {
     let columns = gram.nrows();
     let lengths: Vec<f64> = (0..columns).map(|j| gram[(j, j)].max(0.0).sqrt()).collect();
     let inverse: Vec<f64> = lengths.iter().map(|&l| if l > 0.0 { 1.0 / l } else { 0.0 }).collect();
@@ -34,7 +38,7 @@ fn normalizer(gram: MatRef<'_, f64>) -> Result<(Mat<f64>, Mat<f64>), SpectrumErr
         Mat::from_fn(columns, kept.len(), |i, k| inverse[i] * vectors[(i, kept[k])] / values[kept[k]].sqrt());
     let r =
         Mat::from_fn(kept.len(), columns, |k, j| values[kept[k]].sqrt() * vectors[(j, kept[k])] * lengths[j]);
-    Ok((m, r))
+    Ok((m, r, values.first().copied().unwrap_or(1.0)))
 }
 
 /// What [`orthonormalize`] took out of a block: `W = V H + W' R`.
@@ -69,13 +73,16 @@ pub fn orthonormalize_knowing(w: &mut Block, v: &Block, from: usize) -> Result<T
             let mut part = along.as_mut().subrows_mut(from, v.columns() - from);
             part += &h * &rest;
         }
-        let (m, r) = normalizer(gram(w, w).as_ref())?;
+        let (m, r, independent) = normalizer(gram(w, w).as_ref())?;
         if m.ncols() == 0 {
             w.set_columns(0);
             return Ok(Taken { along, rest: Mat::zeros(0, rest.ncols()) });
         }
         replace_by_product(w, m.as_ref());
         rest = r * rest;
+        if v.columns() == 0 && independent > INDEPENDENT {
+            break;
+        }
     }
     Ok(Taken { along, rest })
 }
@@ -87,7 +94,7 @@ pub fn orthonormalize_knowing(w: &mut Block, v: &Block, from: usize) -> Result<T
 pub fn orthonormalize_small(mut w: Mat<f64>, v: MatRef<'_, f64>) -> Result<Mat<f64>, SpectrumError> {
     for _ in 0..2 {
         w = &w - v * (v.transpose() * &w);
-        let (m, _) = normalizer((w.transpose() * &w).as_ref())?;
+        let (m, _, _) = normalizer((w.transpose() * &w).as_ref())?;
         w = w * m;
     }
     Ok(w)

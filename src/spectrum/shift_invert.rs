@@ -1,4 +1,4 @@
-//! Block Lanczos on `(A + σI)⁻¹` with full reorthogonalisation and thick restarts, for operators that can be factored.
+//! Block Lanczos on `(A − sI)⁻¹` with full reorthogonalisation and thick restarts, for operators that can be factored.
 //!
 //! Blocks find the multiplicities that single vectors miss; the null space is known and kept out of the iteration.
 
@@ -17,12 +17,54 @@ const BLOCK: usize = 16;
 /// Restarts before giving up.
 const RESTARTS_MAX: usize = 60;
 
+/// Blocks of room beside twice the wanted pairs. A slice inside of the spectrum has neighbours on both sides and wants
+/// more: with evenly spaced eigenvalues 50 pairs take about 200 vectors, 100 about 330.
+const ROOM_BLOCKS: usize = 6;
+
+/// The eigenvalues nearest to a shift.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Nearest {
+    /// How many below it.
+    pub below: usize,
+    /// How many above it.
+    pub above: usize,
+}
+
+impl Nearest {
+    /// How many in all.
+    #[must_use]
+    pub fn count(self) -> usize {
+        self.below + self.above
+    }
+}
+
+/// `(A − sI)⁻¹`, exactly or nearly.
+pub trait Inverse {
+    /// `X ← (A − sI)⁻¹ X`.
+    fn solve(&self, x: &mut Block);
+}
+
+impl Inverse for Cholesky<'_> {
+    fn solve(&self, x: &mut Block) {
+        Cholesky::solve(self, x);
+    }
+}
+
+/// `(A − sI)⁻¹` and its shift.
+#[derive(Clone, Copy)]
+pub struct Shifted<'a> {
+    /// The inverse.
+    pub inverse: &'a dyn Inverse,
+    /// s, negative for a positive definite matrix.
+    pub shift: f64,
+}
+
 /// A basis of the Krylov space and the projection of the operator onto it.
 struct Krylov {
     /// Orthonormal vectors: `processed` of them multiplied, then the block that is next.
     basis: Block,
     processed: usize,
-    /// `Vᵀ (A+σI)⁻¹ V` over the processed vectors.
+    /// `Vᵀ (A−sI)⁻¹ V` over the processed vectors.
     projected: Mat<f64>,
     /// What the last product had outside the basis, in terms of the next block.
     rest: Mat<f64>,
@@ -31,7 +73,7 @@ struct Krylov {
 }
 
 /// The `count` smallest non-zero eigenpairs to a relative residual of `tolerance`, among those orthogonal to the
-/// eigenvectors `beside`.
+/// eigenvectors `beside`, from the factor of `A + σI`.
 ///
 /// `share` maps the iteration's own share of the work to progress.
 ///
@@ -46,9 +88,28 @@ pub fn solve(
     progress: &Progress,
     share: impl Fn(f64) -> f64,
 ) -> Result<Eigenpairs, SpectrumError> {
-    let n = problem.size();
+    let shifted = Shifted { inverse: factor, shift: -problem.shift };
+    let nearest = Nearest { below: 0, above: count };
+    rayleigh_ritz(problem, ritz_vectors(problem, shifted, beside, nearest, tolerance, progress, share)?)
+}
+
+/// Vectors that span the eigenvectors of the non-zero eigenvalues nearest to the shift, each with a relative residual
+/// of at most `tolerance`: not orthonormal, in no order.
+///
+/// # Errors
+/// [`SpectrumError::NotConverged`], [`SpectrumError::Canceled`].
+pub fn ritz_vectors(
+    problem: &Problem,
+    shifted: Shifted<'_>,
+    beside: &Block,
+    nearest: Nearest,
+    tolerance: f64,
+    progress: &Progress,
+    share: impl Fn(f64) -> f64,
+) -> Result<Block, SpectrumError> {
+    let (n, count) = (problem.size(), nearest.count());
     let complement = Complement { problem, beside };
-    let room = (2 * count + 3 * BLOCK).max(count + 8 * BLOCK).min(complement.dimension());
+    let room = (2 * count + ROOM_BLOCKS * BLOCK).max(count + 11 * BLOCK).min(complement.dimension());
     let mut krylov = Krylov {
         basis: Block::zeros(n, room + BLOCK),
         processed: 0,
@@ -66,25 +127,26 @@ pub fn solve(
         while krylov.processed + BLOCK <= room || krylov.processed < count {
             progress.advance(share(1.0 - (-(f64::from(steps)) / steps_expected).exp()))?;
             steps += 1;
-            expand(&complement, factor, &mut krylov, &mut work)?;
+            expand(&complement, shifted.inverse, &mut krylov, &mut work)?;
             if krylov.rest.nrows() == 0 {
                 // an invariant space: whatever else there is needs a new direction
                 if krylov.processed >= complement.dimension() {
-                    return finish(&complement, factor, krylov, count, progress);
+                    return finish(&complement, krylov, nearest);
                 }
                 fresh_block(&complement, &mut krylov, &mut work, &mut hashed)?;
             }
-            if krylov.processed >= count + BLOCK / 2 || krylov.processed + BLOCK > room {
-                let (values, vectors) = ritz(&krylov)?;
-                worst = worst_residual(&krylov, &values, &vectors, count);
-                // the last inverse iteration and Rayleigh–Ritz step only improve on this
-                if worst <= 0.3 * tolerance {
-                    return finish(&complement, factor, krylov, count, progress);
+            // a look at the Ritz values costs a part of a step; with fewer vectors they have never been good enough
+            let due = krylov.processed >= count + count / 2 + 2 * BLOCK || krylov.processed + BLOCK > room;
+            if due && krylov.processed >= count {
+                let ritz = Ritz::of(&krylov)?;
+                worst = ritz.worst_residual(&krylov, nearest, shifted.shift, problem.shift);
+                // the last Rayleigh–Ritz step only improves on this
+                if worst <= 0.5 * tolerance {
+                    return finish(&complement, krylov, nearest);
                 }
             }
         }
-        let keep = count + (krylov.processed - count) / 3;
-        restart(&mut krylov, keep)?;
+        restart(&mut krylov, nearest)?;
     }
     Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: steps as usize })
 }
@@ -135,14 +197,14 @@ fn append(krylov: &mut Krylov, work: &Block) {
 /// Multiplies the next block and orthogonalises the product.
 fn expand(
     complement: &Complement<'_>,
-    factor: &Cholesky<'_>,
+    inverse: &dyn Inverse,
     krylov: &mut Krylov,
     work: &mut Block,
 ) -> Result<(), SpectrumError> {
     let (first, end) = (krylov.processed, krylov.basis.columns());
     work.set_columns(end - first);
     work.copy_columns(0, &krylov.basis, first, end - first);
-    factor.solve(work);
+    inverse.solve(work);
     complement.project(work);
     // a Lanczos product overlaps with its own block and the one before; after a restart, with all
     let taken = orthonormalize_knowing(work, &krylov.basis, krylov.last.start)?;
@@ -156,7 +218,7 @@ fn expand(
     krylov.processed = end;
     krylov.rest = taken.rest;
     // what rounding leaves of an exhausted space is no direction
-    let scale = krylov.projected[(0, 0)].abs();
+    let scale = (0..end).map(|k| krylov.projected[(k, k)].abs()).fold(0.0, f64::max);
     if krylov.rest.norm_max() < 1e-14 * scale || end == complement.dimension() {
         krylov.rest = Mat::zeros(0, 0);
     } else {
@@ -165,68 +227,100 @@ fn expand(
     Ok(())
 }
 
-/// Ritz values of the inverse, largest first, and their coefficients.
-fn ritz(krylov: &Krylov) -> Result<(Vec<f64>, Mat<f64>), SpectrumError> {
-    let m = krylov.processed;
-    let projected = krylov.projected.as_ref().submatrix(0, 0, m, m);
-    let symmetric = Mat::from_fn(m, m, |i, j| 0.5 * (projected[(i, j)] + projected[(j, i)]));
-    let (values, vectors) = eigen(symmetric.as_ref())?;
-    let reversed = Mat::from_fn(m, m, |i, j| vectors[(i, m - 1 - j)]);
-    Ok((values.into_iter().rev().collect(), reversed))
+/// Ritz values θ of the inverse, ascending, and the coefficients of their vectors.
+struct Ritz {
+    values: Vec<f64>,
+    coefficients: Mat<f64>,
 }
 
-/// Largest relative residual of the first `count` pairs after one more inverse iteration: `‖C y − θ y‖ / θ`.
-fn worst_residual(krylov: &Krylov, values: &[f64], vectors: &Mat<f64>, count: usize) -> f64 {
-    if krylov.rest.nrows() == 0 {
-        return f64::INFINITY;
+impl Ritz {
+    fn of(krylov: &Krylov) -> Result<Self, SpectrumError> {
+        let m = krylov.processed;
+        let projected = krylov.projected.as_ref().submatrix(0, 0, m, m);
+        let symmetric = Mat::from_fn(m, m, |i, j| 0.5 * (projected[(i, j)] + projected[(j, i)]));
+        let (values, coefficients) = eigen(symmetric.as_ref())?;
+        Ok(Self { values, coefficients })
     }
-    let tail = vectors.as_ref().subrows(krylov.last.start, krylov.last.len()).subcols(0, count);
-    let outside = &krylov.rest * tail;
-    (0..count).map(|j| outside.as_ref().col(j).norm_l2() / values[j]).fold(0.0, f64::max)
+
+    /// Places of the values farthest from zero: eigenvalues `s + 1/θ` below the shift have negative θ.
+    fn nearest(&self, nearest: Nearest) -> impl Iterator<Item = usize> + use<> {
+        let m = self.values.len();
+        (0..nearest.below.min(m)).chain(m.saturating_sub(nearest.above)..m)
+    }
+
+    /// What `(A−sI)⁻¹ y − θ y` is for some of them, in terms of the next block.
+    fn outside(&self, krylov: &Krylov, places: &[usize]) -> Mat<f64> {
+        if krylov.rest.nrows() == 0 {
+            return Mat::zeros(0, places.len());
+        }
+        let last = &krylov.last;
+        let tail =
+            Mat::from_fn(last.len(), places.len(), |i, j| self.coefficients[(last.start + i, places[j])]);
+        &krylov.rest * tail
+    }
+
+    /// Largest relative residual of the vectors that [`finish`] makes: `(A − λ) (A−sI)⁻¹ y = (y θ − (A−sI)⁻¹ y)/θ`, over
+    /// `‖(A−sI)⁻¹ y‖ = |θ|` and `λ + σ`.
+    fn worst_residual(&self, krylov: &Krylov, nearest: Nearest, shift: f64, sigma: f64) -> f64 {
+        if krylov.rest.nrows() == 0 {
+            return f64::INFINITY;
+        }
+        let places: Vec<usize> = self.nearest(nearest).collect();
+        let outside = self.outside(krylov, &places);
+        let relative = places.iter().enumerate().map(|(j, &place)| {
+            let theta = self.values[place];
+            outside.as_ref().col(j).norm_l2() / (theta * theta * (shift + 1.0 / theta + sigma)).abs()
+        });
+        relative.fold(0.0, f64::max)
+    }
 }
 
-/// Keeps the best `keep` Ritz vectors and the next block.
-fn restart(krylov: &mut Krylov, keep: usize) -> Result<(), SpectrumError> {
-    let (values, vectors) = ritz(krylov)?;
+/// Keeps the best Ritz vectors, a third of the others among them, and the next block.
+fn restart(krylov: &mut Krylov, nearest: Nearest) -> Result<(), SpectrumError> {
+    let ritz = Ritz::of(krylov)?;
     let (processed, next) = (krylov.processed, krylov.basis.columns() - krylov.processed);
+    let more = (processed - nearest.count()) / 3;
+    let below = more * nearest.below / nearest.count();
+    let kept = Nearest { below: nearest.below + below, above: nearest.above + more - below };
+    let places: Vec<usize> = ritz.nearest(kept).collect();
+    let keep = places.len();
     // one product moves the next block along unchanged
     let total = processed + next;
     let change = Mat::from_fn(total, keep + next, |i, j| match (i < processed, j < keep) {
-        (true, true) => vectors[(i, j)],
+        (true, true) => ritz.coefficients[(i, places[j])],
         (false, false) => f64::from(u8::from(i - processed == j - keep)),
         _ => 0.0,
     });
     replace_by_product(&mut krylov.basis, change.as_ref());
     krylov.projected.fill(0.0);
-    for (k, &value) in values[..keep].iter().enumerate() {
-        krylov.projected[(k, k)] = value;
+    for (k, &place) in places.iter().enumerate() {
+        krylov.projected[(k, k)] = ritz.values[place];
     }
     krylov.processed = keep;
     krylov.last = 0..keep;
     Ok(())
 }
 
-/// One inverse iteration on the Ritz vectors, then Rayleigh–Ritz with `A` itself: what the inverse cannot see, the
-/// fine scales, is gone, and the values are those of `A`.
-fn finish(
-    complement: &Complement<'_>,
-    factor: &Cholesky<'_>,
-    mut krylov: Krylov,
-    count: usize,
-    progress: &Progress,
-) -> Result<Eigenpairs, SpectrumError> {
-    progress.checkpoint()?;
-    let (_, vectors) = ritz(&krylov)?;
-    krylov.basis.set_columns(krylov.processed);
-    let wanted = vectors.as_ref().subcols(0, count);
-    replace_by_product(&mut krylov.basis, wanted);
-    let mut pairs = Block::zeros(complement.problem.size(), count);
-    pairs.copy_columns(0, &krylov.basis, 0, count);
+/// The Ritz vectors after one more inverse iteration, which takes the fine scales out that the inverse cannot see. No
+/// solve is needed: of a Ritz vector, `(A−sI)⁻¹ y` is `θ y` and what the next block holds.
+fn finish(complement: &Complement<'_>, mut krylov: Krylov, nearest: Nearest) -> Result<Block, SpectrumError> {
+    let ritz = Ritz::of(&krylov)?;
+    let places: Vec<usize> = ritz.nearest(nearest).collect();
+    let outside = ritz.outside(&krylov, &places);
+    let processed = krylov.processed;
+    let next = outside.nrows();
+    krylov.basis.set_columns(processed + next);
+    let change = Mat::from_fn(processed + next, places.len(), |i, j| match i.checked_sub(processed) {
+        None => ritz.coefficients[(i, places[j])],
+        Some(i) => outside[(i, j)] / ritz.values[places[j]],
+    });
+    replace_by_product(&mut krylov.basis, change.as_ref());
+    let mut vectors = Block::zeros(krylov.basis.rows(), places.len());
+    vectors.copy_columns(0, &krylov.basis, 0, places.len());
     drop(krylov);
-    factor.solve(&mut pairs);
-    progress.checkpoint()?;
-    complement.project(&mut pairs);
-    rayleigh_ritz(complement.problem, pairs)
+    // in a space that is nearly exhausted the last blocks are short, and rounding along the null space is not
+    complement.project(&mut vectors);
+    Ok(vectors)
 }
 
 /// Ritz pairs of `A` in the span of `vectors`, ascending.
@@ -243,14 +337,14 @@ pub fn rayleigh_ritz(problem: &Problem, mut vectors: Block) -> Result<Eigenpairs
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::operator::{LaplaceBeltrami, Sparse};
     use crate::spectrum::cholesky::Symbolic;
 
     /// The 5-point stencil on a `side × side` grid with unit masses: eigenvalues
     /// `4 sin²(πa/2m) + 4 sin²(πb/2m)`, a, b = 0 … m−1 (the tensor product of paths).
-    fn grid(side: usize) -> Problem {
+    pub(in super::super) fn grid(side: usize) -> Problem {
         let weights = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| {
             let (x, y) = (i % side, i / side);
             let mut push = |inside: bool, j: usize| {
@@ -272,6 +366,14 @@ mod tests {
         )
     }
 
+    /// Its eigenvalues, ascending.
+    pub(in super::super) fn grid_eigenvalues(side: usize) -> Vec<f64> {
+        let path = |a: usize| 4.0 * (std::f64::consts::PI * a as f64 / (2.0 * side as f64)).sin().powi(2);
+        let mut exact: Vec<f64> = (0..side).flat_map(|a| (0..side).map(move |b| path(a) + path(b))).collect();
+        exact.sort_by(f64::total_cmp);
+        exact
+    }
+
     #[test]
     fn a_grids_double_eigenvalues_are_all_found() {
         let side = 40;
@@ -281,9 +383,7 @@ mod tests {
         let factor = symbolic.factor(&problem.matrix, problem.shift).unwrap();
         let none = Block::zeros(problem.size(), 0);
         let pairs = solve(&problem, &factor, &none, 40, 1e-8, &Progress::new(), |share| share).unwrap();
-        let path = |a: usize| 4.0 * (std::f64::consts::PI * a as f64 / (2.0 * side as f64)).sin().powi(2);
-        let mut exact: Vec<f64> = (0..side).flat_map(|a| (0..side).map(move |b| path(a) + path(b))).collect();
-        exact.sort_by(f64::total_cmp);
+        let exact = grid_eigenvalues(side);
         for (found, exact) in pairs.values.iter().zip(&exact[1..]) {
             assert!((found - exact).abs() < 1e-9 * exact, "{found} {exact}");
         }

@@ -5,11 +5,14 @@ use utoipa::ToSchema;
 
 use super::block::Block;
 use super::certificates::{self, Certificates, MissedCheck};
+use super::chebyshev::Chebyshev;
 use super::cholesky::{Cholesky, Symbolic};
 use super::general::GeneralPairs;
 use super::lobpcg::{self, Preconditioner};
 use super::order::nested_dissection;
 use super::probe::{self, Towards};
+use super::shift_invert::{Nearest, Shifted, rayleigh_ritz, ritz_vectors};
+use super::slicing::{self, Weyl};
 use super::{Eigenpairs, Problem, SpectrumError, dense, invariant, shift_invert};
 use crate::operator::{Sparse, Structure};
 use crate::progress::{Phase, Progress};
@@ -36,8 +39,16 @@ const INERTIA_ENTRIES_PER_ROW: usize = 200;
 /// Searches for eigenvalues that were missed, before the answer says that some are.
 const SEARCHES_MAX: u32 = 30;
 
+/// Pairs from which on the spectrum is solved in slices.
+const SLICED_FROM: usize = 24;
+
 /// Gaps at which the count of eigenvalues is tried: a factorisation at each.
 const GAPS_TRIED: usize = 9;
+
+/// Error of the inverse as a polynomial, as a share of the tolerance, and the most steps that it may take: beyond, LOBPCG
+/// needs fewer products.
+const POLYNOMIAL_ERROR: f64 = 0.2;
+const POLYNOMIAL_STEPS_MAX: usize = 12;
 
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
 const GUARD_MIN: usize = 12;
@@ -54,6 +65,9 @@ pub enum Method {
     Dense,
     /// Block Lanczos on the inverse of the shifted operator.
     ShiftInvert,
+    /// Block Lanczos on the inverse of the shifted operator, made of a polynomial in the operator and the factor of the
+    /// finite-volume operator.
+    Polynomial,
     /// LOBPCG preconditioned by the finite-volume operator's factor.
     Lobpcg,
     /// The same iteration with a Schur form, for operators that are not symmetric or not definite.
@@ -70,6 +84,8 @@ pub struct Request<'a, P> {
     pub position: P,
     /// `B^-½ S B^-½` of a narrow operator on the same points and masses, for kernel operators.
     pub narrow: Option<&'a Sparse>,
+    /// Where the eigenvalues are expected; absent where nothing is known of them.
+    pub weyl: Option<Weyl>,
     /// `1/μ` at the upper end of the spectrum of operators with long rows: t of a heat kernel.
     pub plateau: Option<f64>,
     /// Whether μ beyond a share of `1/plateau` says nothing about λ.
@@ -148,17 +164,27 @@ fn direct_solve<P>(
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
     progress.advance(0.2)?;
-    let factor = symbolic.factor(&problem.matrix, problem.shift)?;
-    progress.enter(Phase::Eigenpairs)?;
     let wanted = request.count - problem.zero_modes();
     // one more, so that the count below is taken in a gap
     let found = (wanted + 1).min(problem.size() - problem.zero_modes());
-    let none = Block::zeros(problem.size(), 0);
-    let mut pairs =
-        shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, |share| share)?;
-    progress.enter(Phase::Certificates)?;
     let counts = symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size();
-    let mut factor = Some(factor);
+    progress.enter(Phase::Eigenpairs)?;
+    let sliced = match request.weyl.filter(|_| wanted >= SLICED_FROM) {
+        Some(weyl) => slicing::solve(problem, symbolic, weyl, found, request.tolerance, progress)?,
+        None => None,
+    };
+    let (mut pairs, mut factor) = match sliced {
+        Some((pairs, factor)) => (pairs, Some(factor)),
+        None => {
+            let factor = symbolic.factor(&problem.matrix, problem.shift)?;
+            let none = Block::zeros(problem.size(), 0);
+            let whole = |share| share;
+            let pairs =
+                shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, whole)?;
+            (pairs, Some(factor))
+        }
+    };
+    progress.enter(Phase::Certificates)?;
     let mut searches = 0;
     let missed = loop {
         let missed = match &factor {
@@ -175,10 +201,8 @@ fn direct_solve<P>(
         match missed.0 {
             Some(more) if more > 0 && searches <= SEARCHES_MAX => {
                 progress.advance(f64::from(searches) / f64::from(SEARCHES_MAX + 1))?;
-                let inverse = match factor.take() {
-                    Some(inverse) => inverse,
-                    None => symbolic.factor(&problem.matrix, problem.shift)?,
-                };
+                drop(factor.take());
+                let inverse = symbolic.factor(&problem.matrix, problem.shift)?;
                 pairs = with_missed(problem, &inverse, pairs, more, request.tolerance, progress)?;
                 pairs.truncate(found);
                 factor = Some(inverse);
@@ -241,19 +265,49 @@ fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
     let factor = symbolic.factor(narrow, problem.shift)?;
     progress.enter(Phase::Eigenpairs)?;
     let wanted = request.count - problem.zero_modes();
-    let guard = GUARD_MIN.max((GUARD_SHARE * wanted as f64) as usize);
-    let start = narrow_vectors(problem, narrow, &factor, wanted + guard, progress)?;
     let preconditioner = Preconditioner { factor: &factor, t: request.plateau.unwrap_or(0.0) };
-    let mut pairs =
-        lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, |share| {
-            0.3 + 0.7 * share
-        })?;
+    let polynomial =
+        Chebyshev::new(problem, &preconditioner, POLYNOMIAL_ERROR * request.tolerance, progress)?;
+    let (mut pairs, method) =
+        if let Some(polynomial) = polynomial.filter(|p| p.steps() <= POLYNOMIAL_STEPS_MAX) {
+            let pairs = polynomial_solve(problem, &polynomial, &preconditioner, wanted, request, progress)?;
+            (pairs, Method::Polynomial)
+        } else {
+            let guard = GUARD_MIN.max((GUARD_SHARE * wanted as f64) as usize);
+            let start = narrow_vectors(problem, narrow, &factor, wanted + guard, progress)?;
+            let rest = |share| 0.3 + 0.7 * share;
+            let pairs =
+                lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, rest)?;
+            (pairs, Method::Lobpcg)
+        };
     progress.enter(Phase::Certificates)?;
     let missed =
         missed_by_probe(problem, &Towards::Preconditioned(&preconditioner), &pairs, wanted, progress)?;
     pairs.values.truncate(wanted);
     let pairs = with_null_space(problem, Some(&pairs), request.count);
-    Ok(certified(problem, pairs, request, Method::Lobpcg, missed))
+    Ok(certified(problem, pairs, request, method, missed))
+}
+
+/// Block Lanczos on the approximate inverse; what its error leaves of the residuals, LOBPCG takes away.
+fn polynomial_solve<P>(
+    problem: &Problem,
+    polynomial: &Chebyshev<'_>,
+    preconditioner: &Preconditioner<'_>,
+    wanted: usize,
+    request: &Request<'_, P>,
+    progress: &Progress,
+) -> Result<Eigenpairs, SpectrumError> {
+    let shifted = Shifted { inverse: polynomial, shift: -problem.shift };
+    let none = Block::zeros(problem.size(), 0);
+    let nearest = Nearest { below: 0, above: wanted };
+    let most = |share| 0.9 * share;
+    let vectors = ritz_vectors(problem, shifted, &none, nearest, request.tolerance, progress, most)?;
+    let pairs = rayleigh_ritz(problem, vectors)?;
+    if certificates::residuals(problem, &pairs).iter().all(|&residual| residual <= request.tolerance) {
+        return Ok(pairs);
+    }
+    let rest = |share| 0.9 + 0.1 * share;
+    lobpcg::solve(problem, preconditioner, pairs.vectors, wanted, request.tolerance, progress, rest)
 }
 
 /// Eigenpairs of an operator that is not symmetric, or symmetric but not definite.

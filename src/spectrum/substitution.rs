@@ -17,18 +17,30 @@ pub(super) const WIDTH_MIN: usize = 8;
 /// Columns of a supernode that are eliminated before the rest of it is brought up to date.
 const STRETCH: usize = 16;
 
-/// `X ← (L Lᵀ)⁻¹ X` for the factor with these values; `x` has `width` numbers for every row, in elimination order.
+/// A factor's values, and the places of the negative signs in `L S Lᵀ`.
+#[derive(Clone, Copy)]
+pub(super) struct Signed<'a> {
+    pub(super) values: &'a [f64],
+    pub(super) negative: &'a [u32],
+}
+
+/// `X ← (L S Lᵀ)⁻¹ X`; `x` has `width` numbers for every row, in elimination order.
 ///
 /// # Panics
 /// Unless `width` is [`WIDTH_MIN`] or [`WIDTH_MAX`].
-pub(super) fn solve(symbolic: &SymbolicSupernodalCholesky<u32>, factor: &[f64], x: &mut [f64], width: usize) {
+pub(super) fn solve(
+    symbolic: &SymbolicSupernodalCholesky<u32>,
+    factor: Signed<'_>,
+    x: &mut [f64],
+    width: usize,
+) {
     assert!([WIDTH_MIN, WIDTH_MAX].contains(&width), "{width} right-hand sides are no whole vectors");
     Arch::new().dispatch(Substitution { symbolic, factor, x, width });
 }
 
 struct Substitution<'a> {
     symbolic: &'a SymbolicSupernodalCholesky<u32>,
-    factor: &'a [f64],
+    factor: Signed<'a>,
     x: &'a mut [f64],
     width: usize,
 }
@@ -55,10 +67,15 @@ impl Substitution<'_> {
         let lanes = Lanes { simd, v: self.width / S::F64_LANES };
         let nodes = self.symbolic.n_supernodes();
         for s in 0..nodes {
-            forward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor, s), x);
+            forward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor.values, s), x);
+        }
+        for &place in self.factor.negative {
+            for x in &mut x[place as usize * lanes.v..][..lanes.v] {
+                *x = simd.neg_f64s(*x);
+            }
         }
         for s in (0..nodes).rev() {
-            backward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor, s), x);
+            backward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor.values, s), x);
         }
     }
 }
