@@ -10,6 +10,7 @@ use chladni::cloud::reader::Format;
 use clap::{Args, Command};
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use futures_util::StreamExt;
 use reqwest::{Response, StatusCode};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use serde_json::Value;
@@ -236,22 +237,40 @@ fn until_closed(address: SocketAddr, sent: &[u8], take: bool) -> std::io::Result
 }
 
 #[tokio::test]
-async fn connections_over_the_cap_wait_until_one_ends_and_idle_ones_are_ended() {
-    let service = Service::with_settings(|settings| {
-        (settings.connections_max, settings.header_seconds) = (2, 1);
-    })
-    .await;
+async fn a_head_that_does_not_end_is_given_up_after_its_time() {
+    let service = Service::with_settings(|settings| settings.header_seconds = 1).await;
     let address = service.app.address();
-    // Two that never finish their heads hold both places, until their time is over.
-    let idle = [(); 2].map(|()| {
-        tokio::task::spawn_blocking(move || until_closed(address, b"GET / HTTP/1.1\r\nHost: x\r\n", true))
-    });
-    // This one waits behind them; its client would wait half a minute.
-    let answered = service.client.get(service.url("/livez")).timeout(Duration::from_secs(30)).send();
-    assert_eq!(answered.await.unwrap().status(), StatusCode::OK);
-    for ended in idle {
-        ended.await.unwrap().unwrap();
-    }
+    let begun = std::time::Instant::now();
+    let half =
+        tokio::task::spawn_blocking(move || until_closed(address, b"GET / HTTP/1.1\r\nHost: x\r\n", true));
+    assert_eq!(service.get("/livez").await.status(), StatusCode::OK, "others are served meanwhile");
+    half.await.unwrap().unwrap();
+    let seconds = begun.elapsed().as_secs_f64();
+    assert!((0.9..10.0).contains(&seconds), "{seconds}");
+}
+
+#[tokio::test]
+async fn a_connection_over_the_cap_waits_until_another_ends() {
+    let service = Service::with_settings(|settings| settings.connections_max = 1).await;
+    let (address, url) = (service.app.address(), service.url("/livez"));
+    // Its head has come in part only: the place is taken, and stays so.
+    let mut first = TcpStream::connect(address).unwrap();
+    first.write_all(b"GET /livez HTTP/1.1\r\n").unwrap();
+    let mut second = Box::pin(service.client.get(url).send());
+    let early = tokio::time::timeout(Duration::from_millis(300), &mut second).await;
+    assert!(early.is_err(), "answered beside the first: {early:?}");
+    drop(first);
+    assert_eq!(second.await.unwrap().status(), StatusCode::OK);
+}
+
+#[tokio::test]
+async fn a_body_that_pauses_is_given_up_before_its_time() {
+    let service = Service::with_settings(|settings| settings.stall_seconds = 1).await;
+    let silent = futures_util::stream::once(async { Ok::<_, std::io::Error>(b"1 2 3\n".to_vec()) })
+        .chain(futures_util::stream::pending());
+    let refused = service.post("/clouds", reqwest::Body::wrap_stream(silent)).await;
+    let refused = problem(refused, StatusCode::REQUEST_TIMEOUT, "request-timeout").await;
+    assert!(detail(&refused).contains("no data came for 1 second"), "{refused}");
 }
 
 #[tokio::test]
