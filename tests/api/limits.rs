@@ -1,8 +1,8 @@
 //! Every limit, crossed; and every limit, told.
 
 use std::collections::BTreeSet;
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::io::Write;
+use std::net::TcpStream;
 use std::time::Duration;
 
 use chladni::app::Settings;
@@ -10,7 +10,6 @@ use chladni::cloud::reader::Format;
 use clap::{Args, Command};
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use futures_util::StreamExt;
 use reqwest::{Response, StatusCode};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 use serde_json::Value;
@@ -229,26 +228,6 @@ async fn a_body_that_trickles_is_given_up_after_its_time() {
     assert!(detail(&refused).contains("longer than 1 second"), "{refused}");
 }
 
-/// Connects, sends `sent`, takes nothing, and returns once the service has closed the connection.
-fn until_closed(address: SocketAddr, sent: &[u8], take: bool) -> std::io::Result<usize> {
-    let mut stream = TcpStream::connect(address)?;
-    stream.write_all(sent)?;
-    if take { stream.read_to_end(&mut Vec::new()) } else { Ok(0) }
-}
-
-#[tokio::test]
-async fn a_head_that_does_not_end_is_given_up_after_its_time() {
-    let service = Service::with_settings(|settings| settings.header_seconds = 1).await;
-    let address = service.app.address();
-    let begun = std::time::Instant::now();
-    let half =
-        tokio::task::spawn_blocking(move || until_closed(address, b"GET / HTTP/1.1\r\nHost: x\r\n", true));
-    assert_eq!(service.get("/livez").await.status(), StatusCode::OK, "others are served meanwhile");
-    half.await.unwrap().unwrap();
-    let seconds = begun.elapsed().as_secs_f64();
-    assert!((0.9..10.0).contains(&seconds), "{seconds}");
-}
-
 #[tokio::test]
 async fn a_connection_over_the_cap_waits_until_another_ends() {
     let service = Service::with_settings(|settings| settings.connections_max = 1).await;
@@ -261,16 +240,6 @@ async fn a_connection_over_the_cap_waits_until_another_ends() {
     assert!(early.is_err(), "answered beside the first: {early:?}");
     drop(first);
     assert_eq!(second.await.unwrap().status(), StatusCode::OK);
-}
-
-#[tokio::test]
-async fn a_body_that_pauses_is_given_up_before_its_time() {
-    let service = Service::with_settings(|settings| settings.stall_seconds = 1).await;
-    let silent = futures_util::stream::once(async { Ok::<_, std::io::Error>(b"1 2 3\n".to_vec()) })
-        .chain(futures_util::stream::pending());
-    let refused = service.post("/clouds", reqwest::Body::wrap_stream(silent)).await;
-    let refused = problem(refused, StatusCode::REQUEST_TIMEOUT, "request-timeout").await;
-    assert!(detail(&refused).contains("no data came for 1 second"), "{refused}");
 }
 
 #[tokio::test]

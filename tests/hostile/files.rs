@@ -293,6 +293,8 @@ type Make = Box<dyn Fn() -> File>;
 pub(crate) fn large_files() -> Vec<Make> {
     // Well beyond the 64 MiB that every file may take: what it takes beside them shows.
     const BYTES: usize = 24 << 20;
+    // As many as are accepted.
+    const POINTS: usize = 5_000_000;
     fn repeated(name: &'static str, format: Format, head: &'static str, line: &'static str) -> Make {
         Box::new(move || {
             file(name, Some(format), [head.as_bytes(), &line.as_bytes().repeat(BYTES / line.len())].concat())
@@ -378,12 +380,12 @@ pub(crate) fn large_files() -> Vec<Make> {
         )
     }));
     files.push(Box::new(|| {
-        let points = BYTES / 3;
+        let points = (BYTES / 3).min(POINTS);
         let head = format!("element vertex {points}\nproperty char x\nproperty char y\nproperty char z\n");
         file("ply of bytes", Some(Format::Ply), ply(&head, &vec![1; 3 * points]))
     }));
     files.push(Box::new(|| {
-        let points = BYTES / 3;
+        let points = (BYTES / 3).min(POINTS);
         let header = format!("{{'descr': '|i1', 'fortran_order': False, 'shape': ({points}, 3), }}\n");
         file("npy of bytes", Some(Format::Npy), [npy(&header), vec![1; 3 * points]].concat())
     }));
