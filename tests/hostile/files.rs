@@ -348,7 +348,7 @@ pub(crate) fn large_files() -> Vec<Make> {
     }));
     files.push(Box::new(|| {
         let points = BYTES / 43;
-        let fields = (0..40).map(|i| format!("property uchar f{i}\n")).collect::<String>();
+        let fields = (0..40).map(|i| format!("property uchar f{i}\n")).collect::<Vec<_>>().concat();
         let head =
             format!("element vertex {points}\nproperty char x\nproperty char y\nproperty char z\n{fields}");
         file("ply of fields of bytes", Some(Format::Ply), ply(&head, &vec![1; 43 * points]))

@@ -112,7 +112,10 @@ fn no_file_makes_a_reader_panic_or_take_more_memory_than_it_may() {
         found.extend(faults(&file, std::iter::once(options)));
         read_in_spite += usize::from(read(&file.bytes, file.format.unwrap(), &options).is_ok());
     }
-    assert!(read_in_spite > mutations / 50, "{read_in_spite} of {mutations}: the damage is too great to reach far");
+    assert!(
+        read_in_spite > mutations / 50,
+        "{read_in_spite} of {mutations}: the damage is too great to reach far"
+    );
     println!("{mutations} mutations, {read_in_spite} of them still files");
     println!(
         "{} small files; of the large, {} takes most: {:.1} times its size",

@@ -7,8 +7,20 @@ use rand_chacha::ChaCha8Rng;
 use crate::files::{File, seeds};
 
 /// Numbers at which counts and offsets overflow, or nearly so.
-const EDGES: [u64; 12] =
-    [0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0xFFFF, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF_FFFF, i64::MAX as u64, u64::MAX];
+const EDGES: [u64; 12] = [
+    0,
+    1,
+    0x7F,
+    0x80,
+    0xFF,
+    0x7FFF,
+    0xFFFF,
+    0x7FFF_FFFF,
+    0x8000_0000,
+    0xFFFF_FFFF,
+    i64::MAX as u64,
+    u64::MAX,
+];
 /// The same as text, and what is no number.
 const WORDS: [&[u8]; 10] = [
     b"0",
