@@ -89,7 +89,7 @@ impl Results for Deadly {
     }
 
     fn bases(&self) -> usize {
-        panic!("on purpose, on the thread of the worker")
+        unreachable!("on purpose, on the thread of the worker")
     }
 
     fn basis(&self, _: usize) -> Vec<f64> {
