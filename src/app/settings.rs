@@ -40,7 +40,8 @@ pub struct Settings {
     pub memory_budget: u64,
 
     /// Bytes of memory for the bodies of requests and what they are parsed into, of which a body takes five times its
-    /// size; 0 for a quarter of what the machine or container has.
+    /// size, and half as many again for large answers and what they are made of; 0 for a quarter of what the machine or
+    /// container has.
     #[arg(long, env = "CHLADNI_BODY_MEMORY", value_name = "BYTES", default_value_t = Self::default().body_memory)]
     pub body_memory: u64,
 
@@ -249,6 +250,7 @@ impl Settings {
                 fields_max: self.fields_max,
                 faces_max: self.faces_max,
                 dimension_max: self.dimension_max.min(reader::Limits::default().dimension_max),
+                ..reader::Limits::default()
             },
         }
     }

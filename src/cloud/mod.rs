@@ -1,12 +1,14 @@
 //! Point clouds as they were uploaded: parsed, bounded, row for row.
 
 mod error;
+mod grid;
 pub mod reader;
 mod scalar;
 pub mod shapes;
 pub mod writer;
 
 pub use error::CloudError;
+pub use grid::Grid;
 
 /// Largest ambient dimension d of a cloud.
 pub const DIMENSION_MAX: usize = 8;
@@ -68,6 +70,7 @@ pub struct PointCloud {
     dimension: usize,
     coordinates: Vec<f64>,
     coordinate_type: ScalarType,
+    grids: Option<[Grid; 3]>,
     fields: Vec<ScalarField>,
     faces: Vec<[u32; 3]>,
     nonfinite: usize,
@@ -106,6 +109,7 @@ impl PointCloud {
             dimension,
             coordinates,
             coordinate_type: ScalarType::Float64,
+            grids: None,
             fields: Vec::new(),
             faces: Vec::new(),
             nonfinite,
@@ -116,6 +120,13 @@ impl PointCloud {
     #[must_use]
     pub fn with_coordinate_type(mut self, kind: ScalarType) -> Self {
         self.coordinate_type = kind;
+        self
+    }
+
+    /// Remembers the grids of x, y and z that the file had its coordinates on.
+    #[must_use]
+    pub fn with_grids(mut self, grids: Option<[Grid; 3]>) -> Self {
+        self.grids = grids;
         self
     }
 
@@ -180,6 +191,12 @@ impl PointCloud {
     #[must_use]
     pub fn coordinate_type(&self) -> ScalarType {
         self.coordinate_type
+    }
+
+    /// The grids of x, y and z that the file had its coordinates on, if it was one of scaled integers.
+    #[must_use]
+    pub fn grids(&self) -> Option<[Grid; 3]> {
+        self.grids
     }
 
     /// The per-point scalars, in file order.

@@ -96,7 +96,9 @@ fn weight(accept: &str, media: &str) -> f32 {
             name if name == media => 3,
             _ => continue,
         };
-        let q = parts.find_map(|part| part.strip_prefix("q=")).map_or(1.0, |q| q.parse().unwrap_or(0.0));
+        // Names of parameters are the same in either case.
+        let q = parts.find_map(|part| part.strip_prefix(['q', 'Q'])?.strip_prefix('='));
+        let q = q.map_or(1.0, |q| q.parse().unwrap_or(0.0));
         if specificity > found.0 {
             found = (specificity, q);
         }
@@ -129,6 +131,7 @@ mod tests {
         assert_eq!(chosen("model/ply, application/json;q=0.9"), Some("ply"));
         assert_eq!(chosen("*/*, application/json;q=0"), Some("npy"));
         assert_eq!(chosen("model/*"), Some("ply"));
+        assert_eq!(chosen("application/json;Q=0.2, application/x-npy;q=0.3"), Some("npy"));
     }
 
     #[test]

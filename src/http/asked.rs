@@ -13,6 +13,7 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, Schema};
 use uuid::Uuid;
 
 use super::accept::{self, JSON, NPY, Offer, PLY};
+use super::answer_memory::Share;
 use super::problem::{self, Kind, Problem};
 use super::query::{Accepts, Argument, Arguments};
 use super::{Service, Shared, jobs, parse_id};
@@ -136,7 +137,10 @@ impl<R: Resource> Asked<R> {
         let (job, spectrum) = self.eigen().await?;
         let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
         let bases = StoredBases::new(store, compute, job.id, job.points as usize, spectrum.eigenvalues.len());
-        Ok(Harmonics { modes: Modes::of(&spectrum), job, bases })
+        // The cloud, the functions on it, and what becomes of them.
+        let cloud = self.service.store.cloud(job.cloud_id).await?.bytes();
+        let share = self.service.answer_memory.share(bases.bytes_at_work() + 3 * cloud).await?;
+        Ok(Harmonics { modes: Modes::of(&spectrum), job, bases, share })
     }
 
     /// Refuses an answer of `numbers` numbers in JSON when that is too much text.
@@ -176,6 +180,8 @@ pub(super) struct Harmonics {
     pub modes: Modes,
     /// Bases.
     pub bases: StoredBases,
+    /// Held while the answer is made.
+    pub share: Share,
 }
 
 /// How long to wait for a job's end, by the argument of [`WAIT`].
@@ -231,6 +237,7 @@ impl IntoResponses for ResultProblems {
             ("406", "None of the formats is acceptable, or JSON would be too large."),
             ("409", "The job has no such result, or not yet."),
             ("422", "A parameter is not accepted."),
+            ("503", "The service makes as many answers as it has memory for."),
         ];
         problems.into_iter().map(problem).collect()
     }

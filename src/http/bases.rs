@@ -1,29 +1,22 @@
-//! The bases of a job: JSON, NumPy array, or PLY with the points.
+//! The bases of a job: JSON, NumPy array or archive, CSV, or PLY with the points.
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use axum::body::{Body, Bytes};
 use axum::response::Response;
-use futures_util::stream::{self, StreamExt};
 use serde::Serialize;
 use utoipa::ToSchema;
-use uuid::Uuid;
 
-use super::accept::{JSON, NPY, Offer, PLY};
+use super::accept::{CSV, JSON, NPY, NPZ, Offer, PLY};
 use super::asked::{self, Asked, ResultProblems};
+use super::bases_files::Selection;
 use super::download::Download;
-use super::points;
 use super::problem::{Kind, Problem, ProblemDocument};
 use super::query::{Accepts, Argument, Arguments, resource};
-use super::rows::{self, RowLayout};
-use crate::cloud::writer::{Column, encode_rows, ply_columns, ply_properties};
-use crate::cloud::{PointCloud, ScalarType};
-use crate::jobs::Compute;
-use crate::store::{CHUNK_POINTS, Store};
+use crate::cloud::ScalarType;
 
 /// What they can be had as.
-pub(crate) const OFFERS: [Offer; 3] = [JSON, NPY, PLY];
+pub(crate) const OFFERS: [Offer; 5] = [JSON, NPY, PLY, NPZ, CSV];
 
 const ARGUMENTS: &[Argument] = &[
     Argument {
@@ -41,16 +34,16 @@ const ARGUMENTS: &[Argument] = &[
         meaning: "Number of bases.",
     },
     asked::format(
-        &["json", "npy", "ply"],
+        &["json", "npy", "ply", "npz", "csv"],
         "by Accept, else json",
-        "Format of the answer: `npy` is an array of points × bases in C order; `ply` has the points and one property per basis, `basis_0` and so on.",
+        "Format of the answer: `npy` is an array of points × bases in C order; `ply` has the points and one property per basis, `basis_0` and so on; `csv` the same in columns; `npz` has the arrays `points`, `eigenvalues`, `mass` and `bases`.",
     ),
     Argument {
         name: "dtype",
         alias: None,
         accepts: Accepts::Word(&["f64", "f32"]),
-        default: "f64 for npy, f32 for ply",
-        meaning: "Type of the numbers in npy and ply.",
+        default: "f64 for npy and npz, f32 for ply",
+        meaning: "Type of the bases in npy, npz and ply.",
     },
 ];
 
@@ -78,15 +71,15 @@ pub(crate) struct Bases {
 /// The bases: one number per basis and row of the upload.
 ///
 /// Normalised so that `HᵀBH = I`. Rows without a result are NaN (null in JSON); duplicates have the values of their
-/// first occurrence. Answers to npy and ply support ranges.
+/// first occurrence. Answers in npy, npz and ply support ranges.
 #[utoipa::path(
     get,
     path = "/jobs/{id}/bases",
     tag = "results",
     params(("id" = Uuid, Path, description = "The job."), ReadBases),
     responses(
-        (status = 200, description = "The bases.", content((Bases = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply")), headers(("ETag" = String, description = "Of these bytes."))),
-        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"))),
+        (status = 200, description = "The bases.", content((Bases = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"), (String = "text/csv")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"))),
         (status = 304, description = "The client's copy is current."),
         (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
         ResultProblems,
@@ -94,16 +87,6 @@ pub(crate) struct Bases {
 )]
 pub(crate) async fn bases(asked: Asked<ReadBases>) -> Result<Response, Problem> {
     respond(asked).await
-}
-
-/// Which bases of which job, and how to get at them.
-#[derive(Clone)]
-struct Selection {
-    store: Store,
-    compute: Compute,
-    job: Uuid,
-    rows: usize,
-    bases: Range<usize>,
 }
 
 pub(super) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem> {
@@ -123,22 +106,46 @@ pub(super) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
     };
     let tag = format!("{}-{}-{}-{}", job.id.simple(), bases.start, bases.end, kind.ply_name());
     let mut download = Download { offer, tag, stem: format!("bases-{}", job.id), length: None };
+    let beside = match offer {
+        NPY => 0,
+        // The archive's head holds the points and the masses again.
+        NPZ => 3 * service.store.cloud(job.cloud_id).await?.bytes(),
+        _ => service.store.cloud(job.cloud_id).await?.bytes(),
+    };
+    let eigenvalues = &spectrum.eigenvalues[bases];
     if offer == JSON {
-        asked.refuse_large_json(job.points * bases.len() as u64)?;
-        let eigenvalues =
-            serde_json::to_string(&spectrum.eigenvalues[bases]).map_err(|error| Problem::internal(&error))?;
+        asked.refuse_large_json(job.points * eigenvalues.len() as u64)?;
+        let eigenvalues = serde_json::to_string(eigenvalues).map_err(|error| Problem::internal(&error))?;
         return download.answer(&asked.method, &asked.headers, |_| selection.json(&eigenvalues));
     }
+    let share = service.answer_memory.share(selection.bytes_at_work(kind) + beside).await?;
     let cloud = match offer {
-        PLY => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
-        _ => None,
+        NPY => None,
+        _ => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
     };
-    let (planned, shown) = (selection.clone(), cloud.clone());
-    let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
-    download.length = Some(layout.length());
-    download.answer(&asked.method, &asked.headers, |span| {
-        layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
-    })
+    let answer = match (offer, cloud) {
+        (CSV, Some(cloud)) => download.answer(&asked.method, &asked.headers, |_| selection.csv(cloud)),
+        (NPZ, Some(cloud)) => {
+            let mass = service.store.mass(job.id).await?;
+            let (planned, eigenvalues) = (selection.clone(), eigenvalues.to_vec());
+            let archive = move || planned.archive(&cloud, &eigenvalues, &mass, kind);
+            let (layout, open) = service.compute.run(archive).await?;
+            download.length = Some(layout.length());
+            download.answer(&asked.method, &asked.headers, |span| {
+                let encode = move |chunk| selection.clone().checked_chunk(chunk, kind);
+                layout.stream_sealed(span, encode, |checksum| open.tail(checksum))
+            })
+        }
+        (_, cloud) => {
+            let (planned, shown) = (selection.clone(), cloud.clone());
+            let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
+            download.length = Some(layout.length());
+            download.answer(&asked.method, &asked.headers, |span| {
+                layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
+            })
+        }
+    };
+    Ok(share.until_sent(answer?))
 }
 
 /// The bases that `first` and `count` select of `available`.
@@ -158,66 +165,4 @@ fn selected(arguments: &Arguments, available: usize) -> Result<Range<usize>, Pro
     )
     .with("parameter", if first < available as u64 { "count" } else { "first" })
     .with("available", available))
-}
-
-impl Selection {
-    fn layout(&self, cloud: Option<&PointCloud>, kind: ScalarType) -> RowLayout {
-        match cloud {
-            None => points::npy_layout(self.rows, self.bases.len(), kind),
-            Some(cloud) => {
-                let mut properties = ply_properties(cloud);
-                properties.truncate(points::axes(cloud));
-                properties.extend(self.bases.clone().map(|basis| (format!("basis_{basis}"), kind)));
-                points::ply_layout(cloud, properties)
-            }
-        }
-    }
-
-    /// The bytes of a chunk of rows.
-    async fn chunk(
-        self,
-        chunk: usize,
-        cloud: Option<Arc<PointCloud>>,
-        kind: ScalarType,
-    ) -> Result<Vec<u8>, Problem> {
-        let Range { start, end } = self.bases;
-        let values = self.store.bases_chunk(self.job, start, end - start, chunk).await?;
-        let first = chunk * CHUNK_POINTS;
-        let rows = CHUNK_POINTS.min(self.rows - first);
-        let encode = move || {
-            let mut columns = cloud.as_deref().map_or_else(Vec::new, |cloud| ply_columns(cloud, first));
-            columns.truncate(cloud.as_deref().map_or(0, points::axes));
-            columns.extend(values.iter().map(|values| Column { values, stride: 1, kind }));
-            encode_rows(&columns, rows)
-        };
-        Ok(self.compute.run(encode).await?)
-    }
-
-    /// The whole as JSON, a basis at a time.
-    fn json(self, eigenvalues: &str) -> Body {
-        let (first, count) = (self.bases.start, self.bases.len());
-        let head = format!(
-            "{{\"points\":{},\"first\":{first},\"count\":{count},\"eigenvalues\":{eigenvalues},\"bases\":[",
-            self.rows
-        );
-        let bases = stream::iter(self.bases.clone()).then(move |basis| {
-            let selection = self.clone();
-            async move {
-                let text = selection.json_basis(basis).await;
-                text.map(Bytes::from).map_err(|problem| rows::broken(&problem))
-            }
-        });
-        let whole = stream::iter([Ok(Bytes::from(head))]).chain(bases).chain(stream::iter([Ok("]}".into())]));
-        Body::from_stream(whole)
-    }
-
-    async fn json_basis(self, basis: usize) -> Result<Vec<u8>, Problem> {
-        let values = self.store.basis(self.job, basis).await?;
-        let begin: &[u8] = if basis == self.bases.start { b"" } else { b"," };
-        let encode = move || {
-            let mut text = begin.to_vec();
-            serde_json::to_writer(&mut text, &values).map(|()| text)
-        };
-        self.compute.run(encode).await?.map_err(|error| Problem::internal(&error))
-    }
 }

@@ -18,6 +18,7 @@ use super::body_memory::Held;
 use super::coding::{Bounds, Coding};
 use super::problem::{Kind, Problem};
 use super::{Limits, Shared};
+use crate::cloud::reader;
 use crate::jobs::Compute;
 use crate::metrics::Metrics;
 
@@ -85,13 +86,18 @@ impl Intake {
 
     /// The whole body, decompressed.
     async fn whole(mut self, held: &mut Held) -> Result<Bytes, Problem> {
-        let received = self.receive(held).await?;
-        let Some(coding) = self.coding else { return Ok(received.into()) };
-        let bounds =
-            Bounds { bytes_max: self.limits.decoded_bytes, ratio_max: self.limits.decoded_ratio_max };
-        let decoded = self.compute.run(move || coding.decode(&received, bounds)).await??;
-        held.grow_to(decoded.len() as u64)?;
-        Ok(decoded.into())
+        let mut bytes = self.receive(held).await?;
+        if let Some(coding) = self.coding {
+            let bounds =
+                Bounds { bytes_max: self.limits.decoded_bytes, ratio_max: self.limits.decoded_ratio_max };
+            bytes = self.compute.run(move || coding.decode(&bytes, bounds)).await??;
+            held.grow_to(bytes.len() as u64)?;
+        }
+        let bytes = Bytes::from(bytes);
+        let looked_at = bytes.clone();
+        let unpacked = self.compute.run(move || reader::unpacked_bytes(&looked_at)).await?;
+        held.grow_to(unpacked as u64)?;
+        Ok(bytes)
     }
 
     async fn receive(&mut self, held: &mut Held) -> Result<Vec<u8>, Problem> {

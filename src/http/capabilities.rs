@@ -106,7 +106,8 @@ pub(crate) struct LimitsView {
     header_seconds: u64,
     /// Open connections; further ones wait to be accepted.
     connections_max: usize,
-    /// Bytes of memory for bodies and what they are parsed into, a fifth of it for the largest.
+    /// Bytes of memory for bodies and what they are parsed into, a fifth of it for the largest; half as many again for
+    /// large answers and what they are made of.
     body_memory_bytes: u64,
     /// Points of a cloud.
     points_max: usize,

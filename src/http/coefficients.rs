@@ -178,7 +178,7 @@ async fn transformed(
     let bytes = if asked.offer == NPY {
         npy(&found)
     } else {
-        let Harmonics { job, modes, bases } = harmonics;
+        let Harmonics { job, modes, bases, share: _share } = harmonics;
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
         let bands = bands(&asked.arguments);
         let named = || given.iter().map(|function| function.name.clone()).zip(&found);
@@ -244,7 +244,7 @@ fn npy(found: &[Transformed]) -> Vec<u8> {
     )
 )]
 pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, request: Request) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases } = asked.harmonics().await?;
+    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
     let given = functions::receive(&asked.service, request).await?;
     check_coefficients(&given, &modes)?;
     asked.forget_conditions();

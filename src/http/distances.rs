@@ -90,7 +90,7 @@ pub(crate) struct Distances {
     )
 )]
 pub(crate) async fn distances(asked: Asked<ReadDistances>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases } = asked.harmonics().await?;
+    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
     let from = asked.arguments.integer("from").unwrap_or(0);
     let kind = match asked.arguments.word("kind") {
         Some("diffusion") => DistanceKind::Diffusion,

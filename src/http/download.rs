@@ -1,10 +1,12 @@
 //! Serving a large result: validators, conditional requests and byte ranges (RFC 9110 §13, §14).
 
+use std::io;
 use std::ops::Range;
 
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use futures_util::stream;
 
 use super::accept::Offer;
 use super::problem::{Kind, Problem};
@@ -61,7 +63,12 @@ impl Download {
         };
         let whole = 0..self.length.unwrap_or(u64::MAX);
         let wanted = span.clone().unwrap_or(whole);
-        let body = if method == Method::HEAD { Body::empty() } else { body(wanted.clone()) };
+        let body = match self.length {
+            _ if method != Method::HEAD => body(wanted.clone()),
+            Some(_) => Body::empty(),
+            // Of a length that is not known either: an empty body would be announced as one of no bytes.
+            None => Body::from_stream(stream::empty::<io::Result<Bytes>>()),
+        };
         let mut response = Response::new(body);
         let answered = response.headers_mut();
         answered.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.offer.media_type()));

@@ -103,7 +103,7 @@ pub(crate) struct Features {
     )
 )]
 pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases } = asked.harmonics().await?;
+    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
     let arguments = &asked.arguments;
     let count = arguments.integer("modes").map_or(modes.len(), |count| modes.len().min(count as usize));
     let persistence = arguments.number("persistence").unwrap_or(PERSISTENCE_MIN);

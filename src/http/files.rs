@@ -25,7 +25,7 @@ macro_rules! dispatch {
 /// A result under a file name.
 ///
 /// The same as the resource without the ending, with `?format=`: `bases.json`, `bases.npy`, `bases.ply`,
-/// `spectrum.json`, `spectrum.csv`, `operator.json`, `operator.mtx`, `operator.npz`. It takes the same query.
+/// `bases.npz`, `bases.csv`, `spectrum.json`, `spectrum.csv`, `operator.json`, `operator.mtx`, `operator.npz`. It takes the same query.
 #[utoipa::path(
     get,
     path = "/jobs/{id}/{file}",

@@ -231,7 +231,7 @@ async fn answer<R: Resource>(
     let (source, chosen) = (Arc::clone(&cloud), target.clone());
     let (given, mass) = service.compute.run(move || (chosen.functions(&source, &mass), mass)).await?;
     let (given, found) = forward(&mut harmonics, given?, mass).await?;
-    let Harmonics { job, modes, bases } = harmonics;
+    let Harmonics { job, modes, bases, share: _share } = harmonics;
     let divided_clusters = modes.divided_clusters(&transfer.gains);
     let energy = given
         .iter()

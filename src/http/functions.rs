@@ -1,9 +1,9 @@
 //! Lists of numbers that clients post: functions on the rows of the upload, and coefficients.
 
 use axum::extract::Request;
-use serde_json::{Map, Value};
 
 use super::asked::JSON_BYTES_MAX;
+use super::number_lists::{self, LISTS_MAX};
 use super::problem::{Kind, Problem};
 use super::{Service, upload};
 use crate::cloud::reader::read_columns;
@@ -12,9 +12,6 @@ use crate::harmonics::functions::first_nonfinite;
 
 /// What every `.npy` file begins with.
 const NPY_MAGIC: &[u8] = b"\x93NUMPY";
-
-/// Most lists in one request.
-const LISTS_MAX: usize = 256;
 
 /// What is accepted, for messages.
 const SHAPES: &str = "a JSON array of numbers, an array of such arrays, an object {\"name\": [numbers]}, or an npy file of \
@@ -52,53 +49,12 @@ fn parse(bytes: &[u8]) -> Result<Vec<Function>, Problem> {
         )
         .with("limit", JSON_BYTES_MAX));
     }
-    let json: Value = serde_json::from_slice(bytes)
-        .map_err(|error| malformed(&format!("the body is neither npy nor JSON ({error})")))?;
-    match json {
-        Value::Array(values) if values.iter().all(Value::is_array) && !values.is_empty() => Ok(unnamed(
-            values
-                .iter()
-                .enumerate()
-                .map(|(i, list)| numbers(&format!("list {i}"), list))
-                .collect::<Result<_, _>>()?,
-        )),
-        list @ Value::Array(_) => Ok(unnamed(vec![numbers("the list", &list)?])),
-        Value::Object(object) => named(object),
-        _ => Err(malformed("the body holds no list of numbers")),
-    }
-}
-
-fn named(mut object: Map<String, Value>) -> Result<Vec<Function>, Problem> {
-    let lists = match object.remove("fields") {
-        Some(Value::Object(fields)) => fields,
-        Some(other) => {
-            object.insert("fields".to_owned(), other);
-            object
-        }
-        None => object,
-    };
-    lists
-        .iter()
-        .map(|(name, list)| Ok(Function { name: name.clone(), values: numbers(&format!("`{name}`"), list)? }))
-        .collect()
+    number_lists::parse(bytes).map_err(|why| malformed(&why))
 }
 
 fn unnamed(lists: Vec<Vec<f64>>) -> Vec<Function> {
     let named = |(i, values)| Function { name: format!("f{i}"), values };
     lists.into_iter().enumerate().map(named).collect()
-}
-
-/// A list of numbers; null is NaN.
-fn numbers(what: &str, list: &Value) -> Result<Vec<f64>, Problem> {
-    let Value::Array(values) = list else { return Err(malformed(&format!("{what} is no list of numbers"))) };
-    let number = |(i, value): (usize, &Value)| match value {
-        Value::Null => Ok(f64::NAN),
-        value => value.as_f64().ok_or_else(|| {
-            let shown: String = value.to_string().chars().take(40).collect();
-            malformed(&format!("{what} has `{shown}` at place {i} (counting from 0), which is no number"))
-        }),
-    };
-    values.iter().enumerate().map(number).collect()
 }
 
 fn malformed(what: &str) -> Problem {
@@ -146,39 +102,16 @@ pub(super) fn check_finite(functions: &[Function], mass: &[f64]) -> Result<(), P
 mod tests {
     use super::*;
 
-    fn parsed(text: &str) -> Result<Vec<(String, Vec<f64>)>, String> {
-        let named = |function: Function| (function.name, function.values);
-        parse(text.as_bytes())
-            .map(|functions| functions.into_iter().map(named).collect())
-            .map_err(|problem| problem.document(None, None).detail)
-    }
-
-    fn list(name: &str, values: &[f64]) -> (String, Vec<f64>) {
-        (name.to_owned(), values.to_vec())
-    }
-
-    #[test]
-    fn lists_come_alone_in_a_list_or_under_names() {
-        assert_eq!(parsed("[1, 2.5]"), Ok(vec![list("f0", &[1.0, 2.5])]));
-        assert_eq!(parsed("[[1], [2]]"), Ok(vec![list("f0", &[1.0]), list("f1", &[2.0])]));
-        assert_eq!(parsed(r#"{"b": [1], "a": [2]}"#), Ok(vec![list("b", &[1.0]), list("a", &[2.0])]));
-        let answer = r#"{"job_id": "…", "fields": {"x": [3]}, "energy": {}}"#;
-        assert_eq!(parsed(answer), Ok(vec![list("x", &[3.0])]));
-        assert_eq!(parsed(r#"{"fields": [4]}"#), Ok(vec![list("fields", &[4.0])]));
-        assert!(parsed("[null, 1]").unwrap()[0].1[0].is_nan());
-    }
-
     #[test]
     fn what_holds_no_numbers_is_refused_with_what_would_be_accepted() {
-        for (body, told) in [
-            ("3", "no list of numbers"),
-            ("[1, \"two\"]", "`\"two\"` at place 1"),
-            ("[[1], 2]", "no number"),
-            (r#"{"a": 1}"#, "`a` is no list"),
-            ("{", "neither npy nor JSON"),
-        ] {
-            let detail = parsed(body).unwrap_err();
-            assert!(detail.contains(told) && detail.contains("npy"), "{body}: {detail}");
+        for body in ["3", "[1, \"two\"]", "{"] {
+            let problem = parse(body.as_bytes()).unwrap_err();
+            assert_eq!(problem.kind(), Kind::MalformedRequest);
+            let detail = problem.document(None, None).detail;
+            assert!(
+                detail.contains("send a JSON array of numbers") && detail.contains("npy file"),
+                "{detail}"
+            );
         }
     }
 }

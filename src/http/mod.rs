@@ -1,8 +1,10 @@
 //! The HTTP interface: one file per resource. The route table below is the index of the service.
 
 mod accept;
+mod answer_memory;
 mod asked;
 mod bases;
+mod bases_files;
 mod body;
 mod body_memory;
 mod capabilities;
@@ -31,6 +33,7 @@ mod keys;
 mod laplacian;
 mod matrix;
 mod metrics;
+mod number_lists;
 mod openapi;
 mod operator;
 mod parameters;
@@ -69,6 +72,7 @@ use crate::cloud::reader;
 use crate::jobs::{Compute, Jobs};
 use crate::metrics::Metrics;
 use crate::store::Store;
+use answer_memory::AnswerMemory;
 use body_memory::BodyMemory;
 use problem::Kind;
 
@@ -89,7 +93,7 @@ pub struct Limits {
     pub header_time: Duration,
     /// Connections that are open.
     pub connections_max: usize,
-    /// Bytes of memory for bodies and what they are parsed into.
+    /// Bytes of memory for bodies and what they are parsed into; half as many again for large answers.
     pub body_memory: u64,
     /// Bytes of memory that the analyses running at one time may be estimated to take.
     pub memory_budget: u64,
@@ -121,6 +125,8 @@ pub struct Service {
     limits: Limits,
     /// What bodies share.
     body_memory: BodyMemory,
+    /// What large answers share.
+    answer_memory: AnswerMemory,
     /// Origins of pages that may use the service from browsers; `*` is any.
     origins: Vec<HeaderValue>,
     /// Accepted keys; `None` when none is asked for.
@@ -144,7 +150,9 @@ impl Service {
         stopping: CancellationToken,
     ) -> Self {
         let body_memory = BodyMemory::new(limits.body_memory, limits.stall);
-        Self { store, compute, jobs, limits, body_memory, origins: Vec::new(), keys, stopping, metrics }
+        let answer_memory = AnswerMemory::new(limits.body_memory / 2, limits.stall);
+        let origins = Vec::new();
+        Self { store, compute, jobs, limits, body_memory, answer_memory, origins, keys, stopping, metrics }
     }
 
     /// The same, open to pages of these origins; `*` is any.

@@ -75,6 +75,7 @@ pub(crate) struct Points {
         (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 503, description = "The service makes as many answers as it has memory for.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
 pub(crate) async fn points(
@@ -87,6 +88,10 @@ pub(crate) async fn points(
     let arguments = ReadPoints::read(&uri)?;
     let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
     let id = parse_id(&id)?;
+    let is_streamed = offer == NPY || (offer == PLY && arguments.word("encoding") != Some("ascii"));
+    // Whole files stand beside the cloud, and text is twice as long.
+    let times = if is_streamed { 1 } else { 3 };
+    let share = service.answer_memory.share(times * service.store.cloud(id).await?.bytes()).await?;
     let cloud = Arc::new(service.store.load_cloud(id).await?);
     let mut download =
         Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
@@ -94,7 +99,7 @@ pub(crate) async fn points(
         Some("ascii") => PlyEncoding::Ascii,
         _ => PlyEncoding::BinaryLittleEndian,
     };
-    if ![PLY, NPY].contains(&offer) || (offer == PLY && encoding == PlyEncoding::Ascii) {
+    if !is_streamed {
         let view = view::read(&arguments);
         download.tag = asked::tag(id, &(encoding == PlyEncoding::Ascii, view::key(&view)));
         let encode = move || match offer {
@@ -104,7 +109,8 @@ pub(crate) async fn points(
         };
         let bytes = service.compute.run(encode).await??;
         download.length = Some(bytes.len() as u64);
-        return download.answer(&method, &headers, |span| matrix::part(bytes, span));
+        let answer = download.answer(&method, &headers, |span| matrix::part(bytes, span))?;
+        return Ok(share.until_sent(answer));
     }
     let layout = if offer == NPY {
         npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)
@@ -114,12 +120,13 @@ pub(crate) async fn points(
     };
     download.length = Some(layout.length());
     let compute = service.compute.clone();
-    download.answer(&method, &headers, move |span| {
+    let answer = download.answer(&method, &headers, move |span| {
         layout.stream(span, move |chunk| {
             let (compute, cloud) = (compute.clone(), Arc::clone(&cloud));
             async move { Ok(compute.run(move || encode(&cloud, offer, chunk)).await?) }
         })
-    })
+    })?;
+    Ok(share.until_sent(answer))
 }
 
 fn json(cloud: &PointCloud) -> Result<Vec<u8>, Problem> {

@@ -348,6 +348,7 @@ impl From<ReadError> for Problem {
             }
             ReadError::TooManyPoints { .. }
             | ReadError::TooCompressed { .. }
+            | ReadError::TooMuchMemory { .. }
             | ReadError::TooManyFields { .. }
             | ReadError::TooManyFaces { .. } => Kind::TooLarge,
             ReadError::DimensionColumns { .. } | ReadError::NoSuchScan { .. } => Kind::InvalidParameter,

@@ -3,15 +3,19 @@
 use std::future::Future;
 use std::io;
 use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use axum::body::{Body, Bytes};
-use futures_util::stream::{self, StreamExt};
+use flate2::Crc;
+use futures_util::stream::{self, Stream, StreamExt};
 
 use super::problem::Problem;
 use crate::store::CHUNK_POINTS;
 
-/// Chunks read and encoded ahead of the one being sent.
+/// Chunks read and encoded at once, as long as they are not large.
 const CHUNKS_AHEAD: usize = 2;
+/// Bytes of a chunk from which on one is enough.
+const AHEAD_BYTES: usize = 16 << 20;
 
 /// A file that is a header, n rows of `stride` bytes, and a tail.
 #[derive(Debug)]
@@ -41,27 +45,87 @@ impl RowLayout {
         F: Fn(usize) -> Encoded + Send + 'static,
         Encoded: Future<Output = Result<Vec<u8>, Problem>> + Send + 'static,
     {
-        let rows_begin = self.header.len() as u64;
-        let rows_length = self.stride as u64 * self.rows as u64;
-        let head = part(self.header, 0, &span);
-        let tail = part(self.tail, rows_begin + rows_length, &span);
-        let within = |x: u64| x.saturating_sub(rows_begin).min(rows_length);
-        let rows = within(span.start)..within(span.end);
-        let chunk_bytes = (CHUNK_POINTS * self.stride) as u64;
-        let chunks = (rows.start / chunk_bytes) as usize..rows.end.div_ceil(chunk_bytes) as usize;
-        let encoded = stream::iter(chunks)
-            .map(move |chunk| {
-                let bytes = encode(chunk);
-                let rows = rows.clone();
-                async move {
-                    let bytes = bytes.await.map_err(|problem| broken(&problem))?;
-                    Ok(part(bytes, chunk as u64 * chunk_bytes, &rows))
-                }
-            })
-            .buffered(CHUNKS_AHEAD);
-        let ready = |bytes| stream::iter([Ok::<Bytes, io::Error>(bytes)]);
-        Body::from_stream(ready(head).chain(encoded).chain(ready(tail)))
+        let (rows, tail) = self.cut(&span);
+        let tail = part(self.tail, tail, &span);
+        let chunks = touched(&rows, self.stride);
+        let encoded = in_order(chunks, self.stride, encode, move |chunk, bytes| {
+            part(bytes, (chunk * CHUNK_POINTS * self.stride) as u64, &rows)
+        });
+        Body::from_stream(ready(part(self.header, 0, &span)).chain(encoded).chain(ready(tail)))
     }
+
+    /// As [`Self::stream`], for a file that ends with a checksum of its rows: `seal` makes the tail, as long as the
+    /// layout's. For a span that reaches into the tail all rows are made, and those before the span are not sent.
+    pub(crate) fn stream_sealed<F, Encoded, S>(self, span: Range<u64>, encode: F, seal: S) -> Body
+    where
+        F: Fn(usize) -> Encoded + Send + 'static,
+        Encoded: Future<Output = Result<(Vec<u8>, Crc), Problem>> + Send + 'static,
+        S: FnOnce(&Crc) -> Vec<u8> + Send + 'static,
+    {
+        let (rows, tail) = self.cut(&span);
+        let is_sealed = span.end > tail;
+        let chunks =
+            if is_sealed { 0..self.rows.div_ceil(CHUNK_POINTS) } else { touched(&rows, self.stride) };
+        let checksum = Arc::new(Mutex::new(Crc::new()));
+        let summed = Arc::clone(&checksum);
+        let encoded =
+            in_order(chunks, self.stride, encode, move |chunk, (bytes, of_chunk): (Vec<u8>, Crc)| {
+                summed.lock().unwrap_or_else(PoisonError::into_inner).combine(&of_chunk);
+                part(bytes, (chunk * CHUNK_POINTS * self.stride) as u64, &rows)
+            });
+        let header = part(self.header, 0, &span);
+        let sealed = stream::once(async move {
+            let bytes = if is_sealed {
+                seal(&checksum.lock().unwrap_or_else(PoisonError::into_inner))
+            } else {
+                Vec::new()
+            };
+            Ok::<Bytes, io::Error>(part(bytes, tail, &span))
+        });
+        Body::from_stream(ready(header).chain(encoded).chain(sealed))
+    }
+
+    /// What `span` selects of the rows, and where the tail begins.
+    fn cut(&self, span: &Range<u64>) -> (Range<u64>, u64) {
+        let begin = self.header.len() as u64;
+        let length = self.stride as u64 * self.rows as u64;
+        let within = |x: u64| x.saturating_sub(begin).min(length);
+        (within(span.start)..within(span.end), begin + length)
+    }
+}
+
+/// The chunks that the bytes `rows` of all rows lie in.
+fn touched(rows: &Range<u64>, stride: usize) -> Range<usize> {
+    let chunk_bytes = (CHUNK_POINTS * stride) as u64;
+    (rows.start / chunk_bytes) as usize..rows.end.div_ceil(chunk_bytes) as usize
+}
+
+/// What `cut` leaves of every chunk, as `encode` makes them, one ahead of the other.
+fn in_order<F, Encoded, T, C>(
+    chunks: Range<usize>,
+    stride: usize,
+    encode: F,
+    cut: C,
+) -> impl Stream<Item = Result<Bytes, io::Error>> + Send + 'static
+where
+    F: Fn(usize) -> Encoded + Send + 'static,
+    Encoded: Future<Output = Result<T, Problem>> + Send + 'static,
+    T: Send + 'static,
+    C: Fn(usize, T) -> Bytes + Send + 'static,
+{
+    let ahead = if CHUNK_POINTS * stride > AHEAD_BYTES { 1 } else { CHUNKS_AHEAD };
+    let encoded = stream::iter(chunks).map(move |chunk| {
+        let encoded = encode(chunk);
+        async move { encoded.await.map(|made| (chunk, made)) }
+    });
+    encoded.buffered(ahead).map(move |made| {
+        let (chunk, made) = made.map_err(|problem| broken(&problem))?;
+        Ok(cut(chunk, made))
+    })
+}
+
+fn ready(bytes: Bytes) -> impl Stream<Item = Result<Bytes, io::Error>> + Send + 'static {
+    stream::iter([Ok(bytes)])
 }
 
 /// What `span` selects of `bytes`, which begin at `begin`.
@@ -116,6 +180,34 @@ mod tests {
             length - 9..length - 2,
         ] {
             assert_eq!(bytes(span.clone()).await, whole[span.start as usize..span.end as usize], "{span:?}");
+        }
+    }
+
+    async fn sealed(span: Range<u64>) -> Vec<u8> {
+        let rows = layout().rows;
+        let encode = move |chunk: usize| async move {
+            let end = ((chunk + 1) * CHUNK_POINTS).min(rows);
+            let bytes: Vec<u8> =
+                (chunk * CHUNK_POINTS..end).flat_map(|row| (row as u32).to_le_bytes()).collect();
+            let mut checksum = Crc::new();
+            checksum.update(&bytes);
+            Ok((bytes, checksum))
+        };
+        let body = layout().stream_sealed(span, encode, |checksum| checksum.sum().to_be_bytes().to_vec());
+        axum::body::to_bytes(body, usize::MAX).await.unwrap().to_vec()
+    }
+
+    #[tokio::test]
+    async fn every_span_of_a_sealed_file_ends_with_the_checksum_of_all_rows() {
+        let length = layout().length();
+        let whole = sealed(0..length).await;
+        let mut checksum = Crc::new();
+        checksum.update(&whole[6..length as usize - 4]);
+        assert_eq!(whole[length as usize - 4..], checksum.sum().to_be_bytes());
+        let chunk = (CHUNK_POINTS * 4) as u64;
+        for span in [0..3, 2..9, 5 + chunk..8 + chunk, length - 9..length - 2, length - 1..length, 7..length]
+        {
+            assert_eq!(sealed(span.clone()).await, whole[span.start as usize..span.end as usize], "{span:?}");
         }
     }
 

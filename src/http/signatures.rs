@@ -88,7 +88,7 @@ pub(crate) struct Signatures {
     )
 )]
 pub(crate) async fn signatures(asked: Asked<ReadSignatures>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases } = asked.harmonics().await?;
+    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
     let kind =
         if asked.arguments.word("kind") == Some("wks") { SignatureKind::Wks } else { SignatureKind::Hks };
     let count = asked.arguments.integer("count").unwrap_or(COUNT_DEFAULT) as usize;

@@ -47,6 +47,14 @@ impl StoredBases {
         Self { store, compute, job, rows, bases, kept: None }
     }
 
+    /// Bytes of memory that a computation on them takes at most: what it keeps between two passes, and the blocks that it
+    /// works on.
+    #[must_use]
+    pub fn bytes_at_work(&self) -> u64 {
+        let all = self.rows * self.bases * size_of::<f64>();
+        (if all > KEPT_BYTES_MAX { AHEAD_BYTES } else { all }) as u64
+    }
+
     /// Rows of every basis.
     #[must_use]
     pub fn rows(&self) -> usize {

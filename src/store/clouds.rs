@@ -218,7 +218,7 @@ async fn insert_cloud(
         cloud.fields().iter().map(|f| FieldRecord { name: f.name.clone(), kind: f.kind }).collect();
     sqlx::query(
         "INSERT INTO clouds (id, owner, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
-         coordinate_type, fields, faces) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12)",
+         coordinate_type, fields, faces, grids) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
     )
     .bind(id)
     .bind(owner.name())
@@ -232,6 +232,7 @@ async fn insert_cloud(
     .bind(word(&cloud.coordinate_type())?)
     .bind(to_json(&fields)?)
     .bind(integer(cloud.faces().len()))
+    .bind(cloud.grids().map(|grids| to_json(&grids)).transpose()?)
     .execute(&mut *connection)
     .await?;
     for part in Part::all(fields.len()) {
@@ -289,7 +290,8 @@ fn assemble(
         .and_then(|cloud| cloud.with_fields(fields))
         .and_then(|cloud| cloud.with_faces(faces))
         .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?
-        .with_coordinate_type(record.coordinate_type);
+        .with_coordinate_type(record.coordinate_type)
+        .with_grids(record.grids);
     if hex(&content::digest(&cloud)?) != record.digest {
         return Err(StoreError::Damaged(format!("cloud {} does not match its digest", record.id)));
     }

@@ -6,7 +6,7 @@ use uuid::Uuid;
 
 use super::{Milliseconds, Owner};
 use crate::analysis::{JobKind, Parameters, Report};
-use crate::cloud::ScalarType;
+use crate::cloud::{Grid, ScalarType};
 use crate::progress::Phase;
 
 /// Name and type of a per-point scalar.
@@ -42,10 +42,21 @@ pub struct CloudRecord {
     pub bounding_box: (Vec<f64>, Vec<f64>),
     /// Type of the coordinates in the upload.
     pub coordinate_type: ScalarType,
+    /// Grids of x, y and z in the upload, if it was a file of scaled integers.
+    pub grids: Option<[Grid; 3]>,
     /// Per-point scalars.
     pub fields: Vec<FieldRecord>,
     /// Number of triangles.
     pub faces: u64,
+}
+
+impl CloudRecord {
+    /// Bytes of memory that the cloud takes when it is loaded.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let numbers = self.points.saturating_mul((self.dimension + self.fields.len()) as u64);
+        numbers.saturating_mul(8).saturating_add(self.faces.saturating_mul(12))
+    }
 }
 
 /// Where a job is in its life.

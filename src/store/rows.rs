@@ -59,6 +59,7 @@ pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
         duplicates: count(row, "duplicates")?,
         bounding_box: json(row.try_get("bounding_box")?)?,
         coordinate_type: from_word(row.try_get("coordinate_type")?)?,
+        grids: row.try_get::<Option<&str>, _>("grids")?.map(json).transpose()?,
         fields: json(row.try_get("fields")?)?,
         faces: count(row, "faces")?,
     })

@@ -2,12 +2,36 @@
 
 #![allow(clippy::float_cmp)] // the same numbers, whatever the format
 
+use std::io::Cursor;
+
 use chladni::cloud::reader::{self, Format, ReadOptions};
 use chladni::cloud::{NonFinite, PointCloud, ScalarField, ScalarType};
+use las::{Builder, Transform, Vector};
 use reqwest::{Method, StatusCode};
 use serde_json::Value;
 
 use crate::service::{Service, detail, file, problem, sphere};
+
+/// A scale that is no power of ten, offsets that are no multiples of it.
+const SCALES: [f64; 3] = [0.001, 0.000_25, 0.01];
+const OFFSETS: [f64; 3] = [1_000_000.0, 5_200_000.123, -77.7];
+
+/// A scan of 300 points as another program writes it, and the steps that its coordinates are.
+fn scan(is_compressed: bool) -> (Vec<u8>, Vec<[i32; 3]>) {
+    let transform = |axis: usize| Transform { scale: SCALES[axis], offset: OFFSETS[axis] };
+    let mut builder = Builder::from((1, 2));
+    builder.point_format = las::point::Format::new(1).unwrap();
+    builder.point_format.is_compressed = is_compressed;
+    builder.transforms = Vector { x: transform(0), y: transform(1), z: transform(2) };
+    let mut writer = las::Writer::new(Cursor::new(Vec::new()), builder.into_header().unwrap()).unwrap();
+    let steps: Vec<[i32; 3]> =
+        (0..300).map(|i: i32| [i * i * 17 - 800_000, 1_999_999_999 - 1_237 * i, i % 97 - 40]).collect();
+    for steps in &steps {
+        let [x, y, z] = [0, 1, 2].map(|axis| f64::from(steps[axis]) * SCALES[axis] + OFFSETS[axis]);
+        writer.write_point(las::Point { x, y, z, gps_time: Some(0.0), ..las::Point::default() }).unwrap();
+    }
+    (writer.into_inner().unwrap().into_inner(), steps)
+}
 
 /// A georeferenced sphere in millimetres, with a colour and an intensity.
 fn survey() -> PointCloud {
@@ -68,6 +92,30 @@ async fn a_survey_in_las_comes_back_in_every_format_to_the_last_digit() {
     let mut archive = npyz::npz::NpzArchive::new(std::io::Cursor::new(npz)).unwrap();
     assert_eq!(archive.by_name("points").unwrap().unwrap().shape(), [200, 3]);
     assert_eq!(archive.by_name("intensity").unwrap().unwrap().into_vec::<u16>().unwrap()[3], 21);
+}
+
+#[tokio::test]
+async fn a_scan_comes_back_on_its_own_grid_bit_for_bit() {
+    let service = Service::start().await;
+    for is_compressed in [false, true] {
+        let (bytes, steps) = scan(is_compressed);
+        let path = stored(&service, bytes).await;
+        for (name, transformed) in [("las", true), ("laz", true), ("ply", false), ("csv", false)] {
+            let bytes = service.get(&format!("{path}?format={name}")).await.bytes().await.unwrap();
+            if transformed {
+                let reader = las::Reader::new(Cursor::new(bytes.to_vec())).unwrap();
+                let Vector { x, y, z } = *reader.header().transforms();
+                assert_eq!([x, y, z].map(|axis| axis.scale), SCALES, "{name}");
+                assert_eq!([x, y, z].map(|axis| axis.offset), OFFSETS, "{name}");
+            }
+            let back =
+                reader::read(&bytes, Format::from_name(name).unwrap(), &ReadOptions::default()).unwrap();
+            for (row, steps) in steps.iter().enumerate() {
+                let expected = [0, 1, 2].map(|axis| f64::from(steps[axis]) * SCALES[axis] + OFFSETS[axis]);
+                assert_eq!(back.point(row), expected, "{name}, row {row}");
+            }
+        }
+    }
 }
 
 #[tokio::test]

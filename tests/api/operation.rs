@@ -1,7 +1,13 @@
 //! What an operator sees of the service.
 
+use std::sync::Arc;
+
+use chladni::analysis::{Report, SparseMatrix};
 use chladni::cloud::reader::Format;
+use chladni::jobs::Results;
 use reqwest::StatusCode;
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection};
 
 use crate::service::{Service, file, never_finishing, problem, sphere};
 
@@ -62,4 +68,85 @@ async fn a_service_whose_disk_is_too_full_is_alive_but_not_ready() {
     assert_eq!(service.get("/livez").await.status(), StatusCode::OK);
     let refused = problem(service.get("/readyz").await, StatusCode::SERVICE_UNAVAILABLE, "unavailable").await;
     assert_eq!(refused["check"], "disk");
+}
+
+#[tokio::test]
+async fn a_service_that_could_store_a_job_is_ready() {
+    let service = Service::start().await;
+    assert_eq!(service.json("/readyz").await["status"], "ok");
+}
+
+/// A result that takes the worker with it that wants to store it: no analysis does, for all that is known.
+struct Deadly;
+
+impl Results for Deadly {
+    fn report(&self) -> &Report {
+        unreachable!("asked for after the bases")
+    }
+
+    fn mass(&self) -> Vec<f64> {
+        vec![1.0; 100]
+    }
+
+    fn bases(&self) -> usize {
+        unreachable!("on purpose, on the thread of the worker")
+    }
+
+    fn basis(&self, _: usize) -> Vec<f64> {
+        unreachable!("there are none")
+    }
+
+    fn matrix(&self) -> Option<SparseMatrix> {
+        None
+    }
+}
+
+#[tokio::test]
+async fn a_service_whose_worker_died_is_not_ready() {
+    let service = Service::start_with(|_| {}, Arc::new(|_, _, _, _| Ok(Box::new(Deadly)))).await;
+    assert_eq!(service.get("/readyz").await.status(), StatusCode::OK);
+    service.accept("bases=3", file(&sphere(100), Format::Ply)).await;
+    while service.get("/readyz").await.status() == StatusCode::OK {}
+    let refused = problem(service.get("/readyz").await, StatusCode::SERVICE_UNAVAILABLE, "unavailable").await;
+    assert_eq!(refused["check"], "workers");
+    assert_eq!(service.get("/livez").await.status(), StatusCode::OK);
+}
+
+#[tokio::test]
+async fn a_service_whose_database_takes_no_writes_is_not_ready_until_it_does() {
+    let service = Service::start().await;
+    let database = SqliteConnectOptions::new().filename(service.directory.path().join("test.db"));
+    let mut other = database.connect().await.unwrap();
+    sqlx::raw_sql("BEGIN IMMEDIATE").execute(&mut other).await.unwrap();
+    let refused = problem(service.get("/readyz").await, StatusCode::SERVICE_UNAVAILABLE, "unavailable").await;
+    assert_eq!(refused["check"], "database");
+    assert_eq!(service.get("/clouds").await.status(), StatusCode::OK, "reading goes on");
+    other.close().await.unwrap();
+    assert_eq!(service.get("/readyz").await.status(), StatusCode::OK);
+}
+
+#[tokio::test]
+async fn jobs_and_clouds_are_deleted_after_the_days_of_the_settings() {
+    let service = Service::start().await;
+    let alone = service.post("/clouds?analyze=false", file(&sphere(99), Format::Ply)).await;
+    assert_eq!(alone.status(), StatusCode::CREATED);
+    let job = service.succeed("bases=3&operator=voronoi", file(&sphere(100), Format::Ply)).await;
+    let count = async |service: &Service, of: &str| {
+        service.json(&format!("/{of}")).await[of].as_array().unwrap().len()
+    };
+
+    let keeping = |jobs, clouds| {
+        move |settings: &mut chladni::app::Settings| {
+            (settings.keep_jobs_days, settings.keep_clouds_days) = (jobs, clouds);
+        }
+    };
+    // Jobs are looked at before clouds: when the cloud has gone, the job has been spared.
+    let service = service.restart_with(keeping(Some(1), Some(0))).await;
+    while count(&service, "clouds").await > 1 {}
+    assert_eq!(service.get(&format!("/jobs/{job}/bases.npy")).await.status(), StatusCode::OK);
+
+    let service = service.restart_with(keeping(Some(0), None)).await;
+    while count(&service, "jobs").await > 0 {}
+    assert_eq!(service.get(&format!("/jobs/{job}/bases.npy")).await.status(), StatusCode::NOT_FOUND);
+    assert_eq!(count(&service, "clouds").await, 1, "its cloud is kept");
 }

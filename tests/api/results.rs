@@ -68,6 +68,53 @@ async fn json_array_and_ply_hold_the_same_bases() {
 }
 
 #[tokio::test]
+async fn an_archive_and_a_table_hold_the_points_beside_the_bases() {
+    let service = Service::start().await;
+    let mut upload = file(&sphere(POINTS), Format::Xyz);
+    upload.extend_from_slice(b"nan 0 0\n");
+    let id = service.succeed(&format!("format=xyz&nonfinite=drop&bases={BASES}"), upload).await;
+    let (_, values) = array(&bytes(&service, &format!("/jobs/{id}/bases.npy?first=1")).await);
+    let count = BASES - 1;
+
+    let whole = bytes(&service, &format!("/jobs/{id}/bases.npz?first=1")).await;
+    let mut archive = npyz::npz::NpzArchive::new(std::io::Cursor::new(whole)).unwrap();
+    let mut member = |name: &str| {
+        let array = archive.by_name(name).unwrap().unwrap();
+        (array.shape().to_vec(), array.into_vec::<f64>().unwrap())
+    };
+    let (shape, found) = member("bases");
+    assert_eq!(shape, [POINTS as u64 + 1, count as u64]);
+    assert!(found.iter().zip(&values).all(|(a, b)| a.to_bits() == b.to_bits()));
+    let (shape, points) = member("points");
+    assert_eq!(shape, [POINTS as u64 + 1, 3]);
+    assert_eq!(points[..3 * POINTS], *sphere(POINTS).coordinates());
+    let eigenvalues: Vec<f64> =
+        service.json(&format!("/jobs/{id}/spectrum")).await["eigenvalues"].as_array().unwrap()[1..]
+            .iter()
+            .map(number)
+            .collect();
+    assert_eq!(member("eigenvalues"), (vec![count as u64], eigenvalues));
+    let (shape, mass) = member("mass");
+    assert_eq!(shape, [POINTS as u64 + 1]);
+    let norm: f64 = (0..POINTS).map(|i| mass[i] * values[i * count] * values[i * count]).sum();
+    assert!((norm - 1.0).abs() < 1e-8, "{norm}");
+
+    let response = service.get(&format!("/jobs/{id}/bases?format=csv&first=1")).await;
+    assert_eq!(response.headers()["content-type"], "text/csv");
+    assert!(!response.headers().contains_key("accept-ranges"), "its length is not known beforehand");
+    let text = response.text().await.unwrap();
+    assert_eq!(text.lines().next().unwrap(), "x,y,z,basis_1,basis_2,basis_3,basis_4,basis_5");
+    assert_eq!(text.lines().count(), POINTS + 2);
+    assert!(text.ends_with("nan,nan,nan,nan,nan\n"), "{text}");
+    let table = read(text.as_bytes(), Format::Csv);
+    for j in 0..count {
+        for i in 0..POINTS {
+            assert_eq!(table.fields()[j].values[i], values[i * count + j]);
+        }
+    }
+}
+
+#[tokio::test]
 async fn a_part_of_the_bases_is_that_part_of_the_whole() {
     let (service, id) = finished().await;
     let (_, whole) = array(&bytes(&service, &format!("/jobs/{id}/bases.npy")).await);
@@ -106,7 +153,7 @@ async fn the_bases_are_orthonormal_in_the_mass_that_is_served() {
 #[tokio::test]
 async fn ranges_put_together_are_the_whole() {
     let (service, id) = finished().await;
-    for file in ["bases.npy", "bases.ply"] {
+    for file in ["bases.npy", "bases.ply", "bases.npz"] {
         let path = format!("/jobs/{id}/{file}");
         let whole = bytes(&service, &path).await;
         let mut parts = Vec::new();
@@ -124,6 +171,25 @@ async fn ranges_put_together_are_the_whole() {
             service.client.get(service.url(&path)).header("range", "bytes=99999999-").send().await.unwrap();
         assert_eq!(beyond.headers()["content-range"], format!("bytes */{}", whole.len()));
         problem(beyond, StatusCode::RANGE_NOT_SATISFIABLE, "range-not-satisfiable").await;
+    }
+}
+
+#[tokio::test]
+async fn head_announces_the_length_of_the_answer_or_none() {
+    let (service, id) = finished().await;
+    for (file, is_known) in [
+        ("bases.npy", true),
+        ("bases.npz", true),
+        ("bases.json", false),
+        ("bases.csv", false),
+        ("spectrum", true),
+    ] {
+        let url = service.url(&format!("/jobs/{id}/{file}"));
+        let head = service.client.head(&url).send().await.unwrap();
+        let got = service.client.get(&url).send().await.unwrap();
+        assert_eq!(head.headers()["etag"], got.headers()["etag"], "{file}");
+        assert_eq!(head.headers().get("content-length"), got.headers().get("content-length"), "{file}");
+        assert_eq!(head.headers().contains_key("content-length"), is_known, "{file}");
     }
 }
 

@@ -289,9 +289,12 @@ fn by_hand() -> Vec<File> {
 /// A large file of a format, made when it is needed.
 type Make = Box<dyn Fn() -> File>;
 
-/// Files of some megabytes with as many numbers as fit, so that memory follows what is in them.
+/// Files of many megabytes with as many numbers as fit, so that memory follows what is in them.
 pub(crate) fn large_files() -> Vec<Make> {
-    const BYTES: usize = 6 << 20;
+    // Well beyond the 64 MiB that every file may take: what it takes beside them shows.
+    const BYTES: usize = 24 << 20;
+    // As many as are accepted.
+    const POINTS: usize = 5_000_000;
     fn repeated(name: &'static str, format: Format, head: &'static str, line: &'static str) -> Make {
         Box::new(move || {
             file(name, Some(format), [head.as_bytes(), &line.as_bytes().repeat(BYTES / line.len())].concat())
@@ -313,7 +316,60 @@ pub(crate) fn large_files() -> Vec<Make> {
         repeated("obj of triangles", Format::Obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "f 1 2 3\n"),
         repeated("obj of one polygon", Format::Obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf", " 1 2 3"),
         repeated("obj of nothing", Format::Obj, "", "#\n"),
+        repeated("obj of coloured points", Format::Obj, "", "v 0 0 0 0 0 0\n"),
+        repeated(
+            "obj of polygons",
+            Format::Obj,
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\n",
+            "f 1 2 3 1 2 3 1 2 3 1 2 3 1 2 3 1 2 3 1 2 3 1 2 3 1 2 3\n",
+        ),
     ];
+    let points = "element vertex 3\nproperty char x\nproperty char y\nproperty char z\n";
+    files.push(Box::new(move || {
+        let head = format!("{points}element face 1\nproperty list uint uchar vertex_indices\n");
+        let body = [&[0; 9], (BYTES as u32).to_le_bytes().as_slice(), &vec![1; BYTES]].concat();
+        file("ply of one polygon", Some(Format::Ply), ply(&head, &body))
+    }));
+    files.push(Box::new(move || {
+        let faces = BYTES / 256;
+        let head = format!("{points}element face {faces}\nproperty list uchar uchar vertex_indices\n");
+        let polygon = [&[255; 1], [1; 255].as_slice()].concat();
+        file(
+            "ply of polygons",
+            Some(Format::Ply),
+            ply(&head, &[&[0; 9], polygon.repeat(faces).as_slice()].concat()),
+        )
+    }));
+    files.push(Box::new(move || {
+        let head = format!("{points}element tristrips 1\nproperty list uint uchar vertex_indices\n");
+        let strip = [0, 1, 2].repeat(BYTES / 3);
+        let body = [&[0; 9], (strip.len() as u32).to_le_bytes().as_slice(), &strip].concat();
+        file("ply of one strip", Some(Format::Ply), ply(&head, &body))
+    }));
+    files.push(Box::new(|| {
+        let points = BYTES / 43;
+        let fields = (0..40).map(|i| format!("property uchar f{i}\n")).collect::<Vec<_>>().concat();
+        let head =
+            format!("element vertex {points}\nproperty char x\nproperty char y\nproperty char z\n{fields}");
+        file("ply of fields of bytes", Some(Format::Ply), ply(&head, &vec![1; 43 * points]))
+    }));
+    files.push(Box::new(|| {
+        let corners = BYTES / 2;
+        let head = format!("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n{corners}");
+        file("off of one polygon", Some(Format::Off), [head.as_bytes(), &b" 1".repeat(corners)].concat())
+    }));
+    files.push(Box::new(|| {
+        let triangles = BYTES / 50;
+        let mut bytes = vec![0; 80];
+        bytes.extend((triangles as u32).to_le_bytes());
+        for triangle in 0..triangles {
+            bytes.extend([0; 12]);
+            let numbers = (0..9).map(|i| (9 * triangle + i) as f32);
+            bytes.extend(numbers.flat_map(f32::to_le_bytes));
+            bytes.extend([0; 2]);
+        }
+        file("stl without common corners", Some(Format::Stl), bytes)
+    }));
     files.push(Box::new(|| {
         let triangles = BYTES / 8;
         let head = format!("OFF\n3 {triangles} 0\n0 0 0\n1 0 0\n0 1 0\n");
@@ -324,12 +380,12 @@ pub(crate) fn large_files() -> Vec<Make> {
         )
     }));
     files.push(Box::new(|| {
-        let points = BYTES / 3;
+        let points = (BYTES / 3).min(POINTS);
         let head = format!("element vertex {points}\nproperty char x\nproperty char y\nproperty char z\n");
         file("ply of bytes", Some(Format::Ply), ply(&head, &vec![1; 3 * points]))
     }));
     files.push(Box::new(|| {
-        let points = BYTES / 3;
+        let points = (BYTES / 3).min(POINTS);
         let header = format!("{{'descr': '|i1', 'fortran_order': False, 'shape': ({points}, 3), }}\n");
         file("npy of bytes", Some(Format::Npy), [npy(&header), vec![1; 3 * points]].concat())
     }));

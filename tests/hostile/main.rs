@@ -1,11 +1,13 @@
 //! Files that mean harm, read by every reader: none panics, and none takes more memory than four times the file and
 //! 64 MiB. A binary of its own, because it counts what is allocated.
 //!
-//! `CHLADNI_WRITE_CORPUS=fuzz/corpus/readers` writes them out for the fuzzer.
+//! `CHLADNI_WRITE_CORPUS=fuzz/corpus/readers` writes them out for the fuzzer; `CHLADNI_MUTATIONS=1000000` changes as many
+//! files at random.
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on has failed
 
 mod files;
+mod mutations;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -16,6 +18,7 @@ use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
 use files::{File, hostile_files, large_files, seeds};
+use mutations::mutated;
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -102,6 +105,18 @@ fn no_file_makes_a_reader_panic_or_take_more_memory_than_it_may() {
         }
         found.extend(faults(&file, std::iter::once(options)));
     }
+    let mutations = std::env::var("CHLADNI_MUTATIONS").map_or(6_000, |count| count.parse().unwrap());
+    let mut read_in_spite = 0;
+    for (number, file) in mutated(mutations).enumerate() {
+        let options = options().nth(number % 6).unwrap();
+        found.extend(faults(&file, std::iter::once(options)));
+        read_in_spite += usize::from(read(&file.bytes, file.format.unwrap(), &options).is_ok());
+    }
+    assert!(
+        read_in_spite > mutations / 50,
+        "{read_in_spite} of {mutations}: the damage is too great to reach far"
+    );
+    println!("{mutations} mutations, {read_in_spite} of them still files");
     println!(
         "{} small files; of the large, {} takes most: {:.1} times its size",
         small.len(),

@@ -1,7 +1,7 @@
 //! Clouds come back as they went in, once.
 
 use chladni::analysis::JobKind;
-use chladni::cloud::{NonFinite, PointCloud, ScalarField, ScalarType};
+use chladni::cloud::{Grid, NonFinite, PointCloud, ScalarField, ScalarType};
 use chladni::store::{CHUNK_POINTS, FieldRecord, Owner, StoreError};
 use futures_util::poll;
 use uuid::Uuid;
@@ -17,6 +17,13 @@ const KINDS: [(ScalarType, f64); 8] = [
     (ScalarType::Uint32, 4_294_967_295.0),
     (ScalarType::Float32, 0.5),
     (ScalarType::Float64, 0.1),
+];
+
+/// No decimal of 17 digits, and none of fewer.
+const GRIDS: [Grid; 3] = [
+    Grid { scale: 0.1 + 0.2, offset: 1.0 / 3.0 },
+    Grid { scale: -1e-300, offset: 5_200_000.123 },
+    Grid { scale: 0.001, offset: -0.0 },
 ];
 
 /// More than two chunks of points, with a field of every type, faces, and rows without a position.
@@ -36,6 +43,7 @@ fn everything() -> PointCloud {
     PointCloud::new(3, coordinates, NonFinite::Drop)
         .unwrap()
         .with_coordinate_type(ScalarType::Float32)
+        .with_grids(Some(GRIDS))
         .with_fields(fields)
         .unwrap()
         .with_faces(faces)
@@ -55,6 +63,7 @@ async fn a_cloud_comes_back_bit_for_bit_with_every_type_of_field_faces_and_missi
     let back = store.load_cloud(record.id).await.unwrap();
     assert_eq!(bits(back.coordinates()), bits(cloud.coordinates()));
     assert_eq!(back.coordinate_type(), ScalarType::Float32);
+    assert_eq!(back.grids(), Some(GRIDS));
     assert_eq!(back.faces(), cloud.faces());
     assert_eq!(back.nonfinite(), 2);
     assert_eq!(back.fields().len(), KINDS.len());

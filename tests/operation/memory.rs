@@ -68,3 +68,22 @@ async fn a_large_result_is_served_with_little_memory() {
     assert!(served > 8 * n * bases);
     assert!(growth < 64 << 20, "{growth}");
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn posted_numbers_take_a_few_times_their_text() {
+    const BYTES: usize = 32 << 20;
+    let directory = tempfile::tempdir().unwrap();
+    let database = directory.path().join("posted.db");
+    let (job, ..) = stored(&database, 1 << 20).await;
+    let process = Process::with(&database, &["--body-memory", &(6 * BYTES).to_string()], &[]);
+    process.json("/readyz").await;
+    let before = resident(process.id());
+    forget_peak(process.id());
+    let text = format!("[{}1]", "1,".repeat(BYTES / 2 - 2));
+    let url = format!("{}/jobs/{job}/synthesis", process.address);
+    let refused = process.client.post(url).body(text).send().await.unwrap();
+    assert_eq!(refused.status(), reqwest::StatusCode::UNPROCESSABLE_ENTITY, "there are not so many modes");
+    let growth = peak(process.id()).saturating_sub(before) as usize;
+    println!("{} MiB of JSON posted: resident memory grew by {} MiB", BYTES >> 20, growth >> 20);
+    assert!(growth < 5 * BYTES + (64 << 20), "{growth}");
+}

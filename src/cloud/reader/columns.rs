@@ -103,9 +103,15 @@ impl Columns {
         Ok(Self { targets, dimension, coordinates: Vec::new(), fields, coordinate_type, limits: *limits })
     }
 
-    /// Refuses `points` beyond the limit, then makes room for them.
+    /// Bytes of memory for so many points.
+    pub(super) fn bytes_of(&self, points: usize) -> Option<usize> {
+        points.checked_mul(self.dimension + self.fields.len())?.checked_mul(size_of::<f64>())
+    }
+
+    /// Refuses `points` beyond the limits, then makes room for them.
     pub(super) fn reserve(&mut self, points: usize) -> Result<(), ReadError> {
         self.limits.points(points)?;
+        self.limits.memory(self.bytes_of(points))?;
         self.coordinates.reserve_exact(points * self.dimension);
         for field in &mut self.fields {
             field.values.reserve_exact(points);
@@ -113,10 +119,11 @@ impl Columns {
         Ok(())
     }
 
-    /// Refuses `points` beyond the limit, then makes them, at 0: the pages come zeroed from the system and are
+    /// Refuses `points` beyond the limits, then makes them, at 0: the pages come zeroed from the system and are
     /// touched only once, when they are filled.
     pub(super) fn zeroed(&mut self, points: usize) -> Result<(), ReadError> {
         self.limits.points(points)?;
+        self.limits.memory(self.bytes_of(points))?;
         self.coordinates = vec![0.0; points * self.dimension];
         for field in &mut self.fields {
             field.values = vec![0.0; points];
@@ -137,6 +144,11 @@ impl Columns {
             }
         }
         Ok(())
+    }
+
+    /// Points for which there is room already.
+    pub(super) fn room(&self) -> usize {
+        self.coordinates.capacity() / self.dimension
     }
 
     /// Points so far.

@@ -94,6 +94,15 @@ pub enum ReadError {
         /// The limit.
         faces_max: usize,
     },
+    /// Numbers or triangles that would take more memory than the limit.
+    #[error(
+        "read, the file would take more than {allowed} bytes of memory, the most for a file of its size; send fewer fields \
+         or faces, or numbers of wider types"
+    )]
+    TooMuchMemory {
+        /// The limit.
+        allowed: usize,
+    },
     /// More coordinates than the limit.
     #[error(
         "points have {dimension} coordinates; up to {dimension_max} are accepted (dimension=3 takes the first \

@@ -13,7 +13,7 @@ use super::columns::{Column, Columns, Target};
 use super::number::{Number, Source};
 use super::ply::Place;
 use super::{Format, Location, ReadError, ReadOptions, guarded, laz};
-use crate::cloud::{PointCloud, ScalarType};
+use crate::cloud::{Grid, PointCloud, ScalarType};
 
 /// Who defines the records that describe extra bytes, and their number [LAS 1.4 R15, table 24].
 const EXTRA_BYTES: (&[u8], u16) = (b"LASF_Spec", 4);
@@ -30,10 +30,17 @@ pub(super) fn is_compressed(head: &[u8]) -> bool {
     head.get(POINT_FORMAT_AT).is_some_and(|format| format & 0x80 != 0)
 }
 
+/// Bytes of all points, as the header says.
+pub(super) fn unpacked_bytes(bytes: &[u8]) -> Option<usize> {
+    let file = guarded(Format::Laz, || File::parse(bytes, Format::Laz)).ok()?;
+    file.points.checked_mul(file.record)
+}
+
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
     let format = if is_compressed(bytes) { Format::Laz } else { Format::Las };
     let file = guarded(format, || File::parse(bytes, format))?;
     options.limits.points(file.points)?;
+    let options = &options.for_bytes(file.points.saturating_mul(file.record));
     let unpacked;
     let records = if format == Format::Laz {
         unpacked = guarded(format, || laz::unpack(bytes, &file))?;
@@ -62,8 +69,8 @@ pub(super) struct File {
     pub(super) record: usize,
     /// Offset of the first point.
     pub(super) body: usize,
-    /// Scale and offset of every axis.
-    transforms: [(f64, f64); 3],
+    /// Of x, y and z.
+    grids: [Grid; 3],
     pub(super) records: Vec<Vlr>,
 }
 
@@ -79,12 +86,12 @@ impl File {
                 format!("points of format {point} have {} bytes, {record} are announced", point.len());
             ReadError::byte(format, POINT_FORMAT_AT, message)
         })?;
-        let transforms = [
-            (header.x_scale_factor, header.x_offset),
-            (header.y_scale_factor, header.y_offset),
-            (header.z_scale_factor, header.z_offset),
+        let grids = [
+            Grid { scale: header.x_scale_factor, offset: header.x_offset },
+            Grid { scale: header.y_scale_factor, offset: header.y_offset },
+            Grid { scale: header.z_scale_factor, offset: header.z_offset },
         ];
-        if transforms.iter().any(|(scale, offset)| !scale.is_normal() || !offset.is_finite()) {
+        if grids.iter().any(|grid| !grid.scale.is_normal() || !grid.offset.is_finite()) {
             let message = "a scale or an offset of the coordinates is zero or not finite";
             return Err(ReadError::byte(format, 131, message));
         }
@@ -106,7 +113,7 @@ impl File {
         }
         let points = usize::try_from(points).unwrap_or(usize::MAX);
         let body = header.offset_to_point_data as usize;
-        Ok(Self { format, point, points, record: record.into(), body, transforms, records })
+        Ok(Self { format, point, points, record: record.into(), body, grids, records })
     }
 
     fn cloud(&self, records: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
@@ -133,13 +140,9 @@ impl File {
                 Target::Coordinate(axis) => {
                     let out = columns.coordinates.as_mut_slice();
                     source.decode(Place { out, stride: 3, offset: axis });
-                    let (scale, offset) = self.transforms[axis];
-                    columns
-                        .coordinates
-                        .iter_mut()
-                        .skip(axis)
-                        .step_by(3)
-                        .for_each(|x| *x = *x * scale + offset);
+                    let grid = self.grids[axis];
+                    let steps = columns.coordinates.iter_mut().skip(axis).step_by(3);
+                    steps.for_each(|x| *x = grid.coordinate(*x));
                 }
                 Target::Field(field) => {
                     let values = &mut columns.fields[field].values;
@@ -157,7 +160,7 @@ impl File {
                 Target::Skipped => {}
             }
         }
-        columns.into_cloud(Vec::new(), options)
+        Ok(columns.into_cloud(Vec::new(), options)?.with_grids(Some(self.grids)))
     }
 
     /// Whether every point has 0 there.

@@ -39,6 +39,8 @@ pub struct Limits {
     pub dimension_max: usize,
     /// Triangles.
     pub faces_max: usize,
+    /// Bytes of memory for numbers and triangles; never more than four times the file, unpacked, and 64 MiB.
+    pub memory_max: usize,
 }
 
 impl Default for Limits {
@@ -48,6 +50,7 @@ impl Default for Limits {
             fields_max: 64,
             dimension_max: super::DIMENSION_MAX,
             faces_max: 20_000_000,
+            memory_max: usize::MAX,
         }
     }
 }
@@ -59,6 +62,14 @@ impl Limits {
             return Err(ReadError::TooManyPoints { points, points_max: self.points_max });
         }
         Ok(())
+    }
+
+    /// Refuses what takes more bytes of memory than the limit.
+    fn memory(&self, bytes: Option<usize>) -> Result<(), ReadError> {
+        match bytes {
+            Some(bytes) if bytes <= self.memory_max => Ok(()),
+            _ => Err(ReadError::TooMuchMemory { allowed: self.memory_max }),
+        }
     }
 }
 
@@ -75,6 +86,19 @@ pub struct ReadOptions {
     pub limits: Limits,
 }
 
+/// Bytes of memory that any file may take, beside so many times its size.
+const MEMORY_BYTES: usize = 64 << 20;
+const MEMORY_TIMES: usize = 4;
+
+impl ReadOptions {
+    /// The same for a file that comes to so many bytes, unpacked: numbers as doubles are wider than most in files, and a
+    /// file of the narrowest is not to fill the memory.
+    fn for_bytes(&self, bytes: usize) -> Self {
+        let memory_max = bytes.saturating_mul(MEMORY_TIMES).saturating_add(MEMORY_BYTES);
+        Self { limits: Limits { memory_max: memory_max.min(self.limits.memory_max), ..self.limits }, ..*self }
+    }
+}
+
 /// Bytes that any compressed file may unpack to, and how many times its own size if that is more. Scans are
 /// compressed to a fifth or a tenth; what shrinks further is made to fill memory.
 const UNPACKED_BYTES: usize = 64 << 20;
@@ -83,6 +107,18 @@ const UNPACKED_TIMES: usize = 40;
 /// Bytes that a compressed file of `packed` bytes may unpack to.
 fn unpacked_max(packed: usize) -> usize {
     packed.saturating_mul(UNPACKED_TIMES).max(UNPACKED_BYTES)
+}
+
+/// Bytes that a file comes to when it is unpacked, by what its header says and up to what is accepted: what is read from it
+/// takes four times as many. Of files that are not packed it is their length.
+#[must_use]
+pub fn unpacked_bytes(bytes: &[u8]) -> usize {
+    let unpacked = match Format::sniff(bytes) {
+        Some(Format::Laz) => las::unpacked_bytes(bytes),
+        Some(Format::Pcd) => pcd::unpacked_bytes(bytes),
+        _ => None,
+    };
+    unpacked.unwrap_or(0).min(unpacked_max(bytes.len())).max(bytes.len())
 }
 
 /// Refuses a compressed file that unpacks to too much, before it does.
@@ -108,6 +144,9 @@ pub fn read(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Point
         return Err(ReadError::Empty);
     }
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    // Of those that are packed, the size is known once their headers are read.
+    let is_packed = matches!(format, Format::Las | Format::Laz | Format::Pcd);
+    let options = if is_packed { options } else { &options.for_bytes(bytes.len()) };
     match format {
         Format::Ply => ply::read(bytes, options),
         Format::Obj => obj::read(bytes, options),

@@ -13,16 +13,19 @@ const FORMAT: Format = Format::Obj;
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
     let axes = ["x", "y", "z"].map(Column::text);
+    let vertices = Lines::new(bytes).filter(|line| line.text.starts_with(b"v ")).count();
+    let mut columns = Columns::leading(&axes, 3, &options.limits)?;
+    columns.reserve(vertices)?;
+    // With colours it is twice as much.
+    let points_bytes = columns.bytes_of(vertices).and_then(|bytes| bytes.checked_mul(2));
     let mut mesh = Mesh {
-        columns: Columns::leading(&axes, 3, &options.limits)?,
-        colors: Vec::new(),
-        triangles: Triangles::new(&options.limits),
+        columns,
+        colors: [const { Vec::new() }; 3],
+        triangles: Triangles::new(&options.limits, points_bytes),
         corners: Vec::new(),
         faces: 0,
         farthest: None,
     };
-    let vertices = Lines::new(bytes).filter(|line| line.text.starts_with(b"v ")).count();
-    mesh.columns.reserve(vertices)?;
     for line in Lines::new(bytes) {
         let mut words = line.words();
         match words.next() {
@@ -48,7 +51,7 @@ struct Farthest {
 struct Mesh {
     columns: Columns,
     /// Red, green, blue of every vertex so far that has them.
-    colors: Vec<f64>,
+    colors: [Vec<f64>; 3],
     triangles: Triangles,
     corners: Vec<u32>,
     faces: usize,
@@ -69,7 +72,12 @@ impl Mesh {
         }
         match count {
             3 | 4 => {}
-            6 => self.colors.extend_from_slice(&values[3..]),
+            6 => {
+                for (channel, &value) in self.colors.iter_mut().zip(&values[3..]) {
+                    channel.reserve_exact(self.columns.room().saturating_sub(channel.len()));
+                    channel.push(value);
+                }
+            }
             _ => {
                 let message =
                     format!("a vertex with {count} numbers; x y z, x y z w and x y z r g b are accepted");
@@ -81,6 +89,7 @@ impl Mesh {
 
     /// `f a b c …`, each corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, indices from 1, or from -1 backwards.
     fn face(&mut self, line: &Line<'_>) -> Result<(), ReadError> {
+        self.triangles.room_for(line.text.len() / 2)?;
         self.corners.clear();
         for word in line.words().skip(1).take_while(|word| !word.starts_with(b"#")) {
             let index = self.corner(word, line)?;
@@ -135,16 +144,14 @@ impl Mesh {
             return Err(ReadError::line(FORMAT, line, message));
         }
         let mut columns = self.columns;
-        if self.colors.len() == 3 * points && options.limits.fields_max >= 3 {
-            columns.fields = ["red", "green", "blue"]
-                .iter()
-                .enumerate()
-                .map(|(channel, &name)| ScalarField {
-                    name: name.to_owned(),
-                    kind: ScalarType::Float64,
-                    values: self.colors.iter().skip(channel).step_by(3).copied().collect(),
-                })
-                .collect();
+        if self.colors[0].len() == points && options.limits.fields_max >= 3 {
+            let named = ["red", "green", "blue"].into_iter().zip(self.colors);
+            let field = |(name, values): (&str, _)| ScalarField {
+                name: name.to_owned(),
+                kind: ScalarType::Float64,
+                values,
+            };
+            columns.fields = named.map(field).collect();
         }
         columns.into_cloud(self.triangles.into_vec(), options)
     }

@@ -16,7 +16,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let header = Header::read(&mut lines)?;
     options.limits.points(header.points)?;
     let columns = read_points(&header, &mut lines, options)?;
-    let faces = read_faces(&header, &mut lines, options)?;
+    let faces = read_faces(&header, &mut lines, columns.bytes_of(header.points), options)?;
     columns.into_cloud(faces, options)
 }
 
@@ -104,9 +104,10 @@ fn named(width: usize, has_normals: bool) -> Vec<Column> {
 fn read_faces(
     header: &Header,
     lines: &mut Lines<'_>,
+    points_bytes: Option<usize>,
     options: &ReadOptions,
 ) -> Result<Vec<[u32; 3]>, ReadError> {
-    let mut triangles = Triangles::new(&options.limits);
+    let mut triangles = Triangles::new(&options.limits, points_bytes);
     let mut corners = Vec::new();
     for face in 0..header.faces {
         let line = next(lines, &format!("face {face} of {}", header.faces))?;
@@ -114,6 +115,7 @@ fn read_faces(
         let mut words = line.words();
         let count = count_at(words.next().unwrap_or_default(), "number of corners", FORMAT, line.number)?;
         enough_corners(count, face).map_err(at_line)?;
+        triangles.room_for(count.min(line.text.len()))?;
         corners.clear();
         for word in words.take(count) {
             let index = lexical_core::parse(word)

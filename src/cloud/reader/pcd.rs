@@ -7,7 +7,7 @@ use super::columns::{Column, Columns, Target, ragged};
 use super::number::{self, Number, Source};
 use super::ply::ByteOrder;
 use super::text::{Line, Lines, count_at, number_at, shown};
-use super::{Format, Location, ReadError, ReadOptions, check_unpacked, lzf};
+use super::{Format, Location, ReadError, ReadOptions, check_unpacked, lzf, unpacked_max};
 use crate::cloud::{PointCloud, ScalarType};
 
 const FORMAT: Format = Format::Pcd;
@@ -19,9 +19,20 @@ pub(super) fn is_pcd(head: &[u8]) -> bool {
     head.starts_with(b"# .PCD") || head.starts_with(b"VERSION .") || head.starts_with(b"VERSION 0.")
 }
 
+/// Bytes of all points, as the header says; `None` when they are not packed.
+pub(super) fn unpacked_bytes(bytes: &[u8]) -> Option<usize> {
+    let header = Header::parse(bytes).ok().filter(|header| header.data == Data::Compressed)?;
+    header.points.checked_mul(header.stride)
+}
+
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
     let header = Header::parse(bytes)?;
     options.limits.points(header.points)?;
+    let bytes_read = match header.data {
+        Data::Compressed => header.points.saturating_mul(header.stride).min(unpacked_max(bytes.len())),
+        _ => bytes.len(),
+    };
+    let options = &options.for_bytes(bytes_read);
     let named: Vec<Column> = header.columns.iter().map(|(column, _)| column.clone()).collect();
     let Some(mut columns) = Columns::named(&named, &options.limits)? else {
         return Err(ReadError::line(FORMAT, header.lines, "FIELDS needs x, y and z, once each"));

@@ -2,42 +2,58 @@
 
 use super::{Limits, ReadError};
 
+/// Bytes that a triangle, or a corner of a polygon while that is read, takes at most: a triangle itself is twelve, and the
+/// list of them is copied into one of twice the size when it grows.
+const BYTES_EACH: usize = 36;
+
 /// Corner indices of a face, checked, and the triangles so far.
 #[derive(Debug)]
 pub(super) struct Triangles {
-    triangles: Vec<[u32; 3]>,
-    faces_max: usize,
+    list: Vec<[u32; 3]>,
+    limits: Limits,
+    points_bytes: usize,
 }
 
 impl Triangles {
-    pub(super) fn new(limits: &Limits) -> Self {
-        Self { triangles: Vec::new(), faces_max: limits.faces_max }
+    /// None yet, beside points that take so many bytes of memory.
+    pub(super) fn new(limits: &Limits, points_bytes: Option<usize>) -> Self {
+        let points_bytes = points_bytes.unwrap_or(usize::MAX);
+        Self { list: Vec::new(), limits: *limits, points_bytes }
+    }
+
+    /// Refuses a list of so many corners before it is read: as indices, and as the triangles that it becomes.
+    pub(super) fn room_for(&self, corners: usize) -> Result<(), ReadError> {
+        let each = corners.checked_mul(2).and_then(|more| self.list.len().checked_add(more));
+        let bytes = each.and_then(|each| each.checked_mul(BYTES_EACH)?.checked_add(self.points_bytes));
+        self.limits.memory(bytes)
     }
 
     /// Adds a polygon as a fan around its first corner: `(0, 1, 2), (0, 2, 3), …`, in the polygon's orientation.
     pub(super) fn push_fan(&mut self, corners: &[u32]) -> Result<(), ReadError> {
         let triangles = corners.len().saturating_sub(2);
-        if self.triangles.len() + triangles > self.faces_max {
-            return Err(ReadError::TooManyFaces { faces_max: self.faces_max });
+        self.room_for(triangles)?;
+        if self.list.len() + triangles > self.limits.faces_max {
+            return Err(ReadError::TooManyFaces { faces_max: self.limits.faces_max });
         }
         // At once: grown by and by, a polygon of a million corners takes twice what it needs.
-        self.triangles.reserve(triangles);
-        self.triangles.extend(corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]));
+        self.list.reserve(triangles);
+        self.list.extend(corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]));
         Ok(())
     }
 
     /// Adds a triangle.
     pub(super) fn push(&mut self, triangle: [u32; 3]) -> Result<(), ReadError> {
-        if self.triangles.len() >= self.faces_max {
-            return Err(ReadError::TooManyFaces { faces_max: self.faces_max });
+        if self.list.len() >= self.limits.faces_max {
+            return Err(ReadError::TooManyFaces { faces_max: self.limits.faces_max });
         }
-        self.triangles.push(triangle);
+        self.room_for(1)?;
+        self.list.push(triangle);
         Ok(())
     }
 
     /// All triangles.
     pub(super) fn into_vec(self) -> Vec<[u32; 3]> {
-        self.triangles
+        self.list
     }
 }
 

@@ -138,7 +138,7 @@ struct Mesh<K> {
 
 impl<K: Hash + Eq> Mesh<K> {
     fn new(limits: &Limits) -> Self {
-        let triangles = Triangles::new(limits);
+        let triangles = Triangles::new(limits, Some(0));
         Self { point_at: HashMap::new(), coordinates: Vec::new(), triangles, limits: *limits }
     }
 

@@ -1,7 +1,8 @@
 //! LAS 1.4 and LAZ, point formats 6 to 8.
 //!
-//! Coordinates are integers times a scale: the scale is the coarsest power of ten on which all coordinates lie, so
-//! that those of a scan come back as they were, or else the finest that the extent of the cloud leaves. Fields with
+//! Coordinates are integers times a scale: on the grid of the file that the cloud came in, as long as all coordinates lie
+//! on it, so that they come back bit for bit; else on the coarsest power of ten on which all lie, or the finest that the
+//! extent of the cloud leaves. Fields with
 //! the name and range of an attribute of LAS become that attribute, the others extra bytes of their own type.
 
 use std::io::{self, Cursor, Write};
@@ -10,7 +11,7 @@ use las::point::Format as PointFormat;
 use las::{Builder, PointDataBuilder, Transform, Vector, Vlr};
 
 use super::{Column, encode_rows};
-use crate::cloud::{PointCloud, ScalarField, ScalarType};
+use crate::cloud::{Grid, PointCloud, ScalarField, ScalarType};
 
 /// Points encoded together.
 const CHUNK_POINTS: usize = 50_000;
@@ -59,7 +60,8 @@ fn header(axes: &[Axis; 3], attributes: &Attributes<'_>, is_compressed: bool) ->
     format.is_compressed = is_compressed;
     let mut builder = Builder::from((1, 4));
     builder.point_format = format;
-    let [x, y, z] = axes.each_ref().map(|axis| Transform { scale: axis.scale, offset: axis.offset });
+    let [x, y, z] =
+        axes.each_ref().map(|Axis { grid, .. }| Transform { scale: grid.scale, offset: grid.offset });
     builder.transforms = Vector { x, y, z };
     concat!("chladni ", env!("CARGO_PKG_VERSION")).clone_into(&mut builder.generating_software);
     // The same cloud gives the same file, today and tomorrow.
@@ -100,36 +102,39 @@ fn description(field: &ScalarField) -> [u8; 192] {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Axis {
     index: usize,
-    scale: f64,
-    offset: f64,
+    grid: Grid,
 }
 
 impl Axis {
     fn of(cloud: &PointCloud, axis: usize) -> Self {
         if axis >= cloud.dimension() {
-            return Self { index: axis, scale: 1.0, offset: 0.0 };
+            return Self { index: axis, grid: Grid { scale: 1.0, offset: 0.0 } };
         }
         let values = || cloud.coordinates().iter().skip(axis).step_by(cloud.dimension()).copied();
-        let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        let half = 0.5 * (high - low);
-        let middle = low + half;
-        // All coordinates lie within 1.5 of this power of ten around a multiple of it, hence on 3·10⁹ < 2³² steps.
-        let size = if half > 0.0 { half } else { middle.abs() };
-        let exponent = if size > 0.0 { size.log10().ceil().clamp(-280.0, 290.0) as i32 } else { 0 };
-        let unit = power_of_ten(exponent);
-        let offset = (middle / unit).round() * unit;
-        let tolerance = GRID_ROUNDING * f64::EPSILON * low.abs().max(high.abs());
-        let on_grid = |scale: &f64| {
-            values().all(|x| (((x - offset) / scale).round() * scale + offset - x).abs() <= tolerance)
-        };
-        let scales = (exponent - 9..=exponent).rev().map(power_of_ten);
-        let scale = scales.into_iter().find(on_grid).unwrap_or_else(|| power_of_ten(exponent - 9));
-        Self { index: axis, scale, offset }
+        let kept = cloud.grids().map(|grids| grids[axis]).filter(|grid| values().all(|x| grid.holds(x)));
+        Self { index: axis, grid: kept.unwrap_or_else(|| fitted(values)) }
     }
 
     fn encode(self, cloud: &PointCloud, row: usize) -> f64 {
-        cloud.point(row).get(self.index).map_or(0.0, |x| ((x - self.offset) / self.scale).round())
+        cloud.point(row).get(self.index).map_or(0.0, |&x| self.grid.nearest(x))
     }
+}
+
+/// A grid for coordinates of which nothing is known.
+fn fitted<Values: Iterator<Item = f64>>(values: impl Fn() -> Values) -> Grid {
+    let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
+    let half = 0.5 * (high - low);
+    let middle = low + half;
+    // All coordinates lie within 1.5 of this power of ten around a multiple of it, hence on 3·10⁹ < 2³² steps.
+    let size = if half > 0.0 { half } else { middle.abs() };
+    let exponent = if size > 0.0 { size.log10().ceil().clamp(-280.0, 290.0) as i32 } else { 0 };
+    let unit = power_of_ten(exponent);
+    let offset = (middle / unit).round() * unit;
+    let tolerance = GRID_ROUNDING * f64::EPSILON * low.abs().max(high.abs());
+    let grid = |exponent| Grid { scale: power_of_ten(exponent), offset };
+    let is_near = |grid: Grid| values().all(|x| (grid.coordinate(grid.nearest(x)) - x).abs() <= tolerance);
+    let scales = (exponent - 9..=exponent).rev().map(grid);
+    scales.into_iter().find(|&grid| is_near(grid)).unwrap_or_else(|| grid(exponent - 9))
 }
 
 /// `10^exponent`, correctly rounded, as a product of tens is not.
@@ -235,8 +240,8 @@ mod tests {
     use super::*;
     use crate::cloud::NonFinite;
 
-    fn axis(values: &[f64]) -> Axis {
-        Axis::of(&PointCloud::new(1, values.to_vec(), NonFinite::Reject).unwrap(), 0)
+    fn axis(values: &[f64]) -> Grid {
+        Axis::of(&PointCloud::new(1, values.to_vec(), NonFinite::Reject).unwrap(), 0).grid
     }
 
     #[test]
@@ -244,6 +249,18 @@ mod tests {
         let axis = axis(&[500_000.123, 500_017.5, 500_100.001]);
         assert_eq!(axis.scale.to_bits(), 0.001_f64.to_bits());
         assert_eq!(axis.offset, 500_100.0);
+    }
+
+    #[test]
+    fn the_grid_that_a_cloud_came_on_is_kept_while_all_its_coordinates_lie_on_it() {
+        let grid = Grid { scale: 0.000_25, offset: 1_000_000.125 };
+        let on = [-7.0, 0.0, 1_999_999_999.0].map(|step| grid.coordinate(step));
+        let written = |values: &[f64]| {
+            let cloud = PointCloud::new(1, values.to_vec(), NonFinite::Reject).unwrap();
+            Axis::of(&cloud.with_grids(Some([grid; 3])), 0).grid
+        };
+        assert_eq!(written(&on), grid);
+        assert_ne!(written(&[on[0], on[1], on[2] + 0.0001]), grid);
     }
 
     #[test]

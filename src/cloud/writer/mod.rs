@@ -1,6 +1,7 @@
 //! Writers, one per format. [`write()`] streams a whole cloud; PLY and NPY can also be had in pieces, a header
 //! and chunks of rows of fixed size, so that whoever sends them knows their length beforehand.
 
+mod archive;
 mod las;
 mod npy;
 mod npz;
@@ -10,10 +11,12 @@ mod text;
 
 use std::io::{self, Write};
 
+pub use archive::{Archive, OpenArchive};
 pub use npy::{npy_header, npy_header_by_columns, npy_vector_header};
 pub use npz::write_npz;
 pub use ply::{FACE_BYTES, PlyEncoding, PlyHeader, encode_faces, ply_columns, ply_header, ply_properties};
 pub use rows::{Column, encode_column, encode_rows};
+pub use text::{csv_header, csv_lines};
 
 use super::reader::Format;
 use super::{PointCloud, ScalarType};

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::{CHUNK_ROWS, axis_name, push_number};
+use super::{CHUNK_ROWS, Column, axis_name, push_number};
 use crate::cloud::PointCloud;
 
 /// How the columns of a table are separated and named.
@@ -47,6 +47,32 @@ impl Table {
         };
         name.replace(separates, "_")
     }
+}
+
+/// First line of a CSV: the names of its columns.
+#[must_use]
+pub fn csv_header(names: &[String]) -> Vec<u8> {
+    let names: Vec<String> = names.iter().map(|name| Table::Csv.name(name)).collect();
+    format!("{}\n", names.join(",")).into_bytes()
+}
+
+/// Lines of a CSV, one for each of `rows`: the shortest decimals that read back as the same doubles, `nan` for NaN. The
+/// types of the columns are not looked at.
+///
+/// # Panics
+/// When a column has no number for a row.
+#[must_use]
+pub fn csv_lines(columns: &[Column<'_>], rows: std::ops::Range<usize>) -> Vec<u8> {
+    let mut text = Vec::new();
+    for row in rows {
+        for column in columns {
+            push_number(column.values[row * column.stride], &mut text);
+            text.push(b',');
+        }
+        text.pop();
+        text.push(b'\n');
+    }
+    text
 }
 
 pub(super) fn write_obj(cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {

@@ -83,6 +83,8 @@ fn read_faces(
                 PropertyKind::List { length, item } => (value(words.next(), property, length, &line)?, item),
             };
             indices.clear();
+            // No line has more words than every other of its bytes.
+            ply.triangles.room_for((length as usize).min(line.text.len()))?;
             for _ in 0..length as usize {
                 let value = value(words.next(), property, item, &line)?;
                 if index == list {

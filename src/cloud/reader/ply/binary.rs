@@ -102,6 +102,7 @@ fn read_faces(
             if index != list {
                 continue;
             }
+            ply.triangles.room_for(bytes.len() / kind.size())?;
             indices.clear();
             indices.extend(bytes.chunks_exact(kind.size()).map(|item| cursor.value(item, kind) as i64));
             surface.push(row, &indices, ply.points, &mut corners, &mut ply.triangles).map_err(|error| {

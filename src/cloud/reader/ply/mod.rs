@@ -57,7 +57,8 @@ impl Ply {
             return Err(ReadError::line(FORMAT, header.lines, message));
         };
         columns.targets = spread(&columns.targets, vertex);
-        Ok(Self { points: vertex.count, columns, triangles: Triangles::new(&options.limits) })
+        let triangles = Triangles::new(&options.limits, columns.bytes_of(vertex.count));
+        Ok(Self { points: vertex.count, columns, triangles })
     }
 }
 
