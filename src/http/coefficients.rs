@@ -1,6 +1,6 @@
 //! The manifold harmonic transform: functions into coefficients, and back.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use axum::extract::Request;
@@ -111,7 +111,7 @@ pub(crate) struct NumberLists(Value);
     )
 )]
 pub(crate) async fn coefficients(asked: Asked<ReadCoefficients>) -> Result<Response, Problem> {
-    let harmonics = asked.harmonics().await?;
+    let mut harmonics = asked.harmonics().await?;
     let tag = asked::tag(harmonics.job.id, &bands(&asked.arguments));
     let store = &asked.service.store;
     let cloud = store.load_cloud(harmonics.job.cloud_id).await?;
@@ -126,7 +126,9 @@ pub(crate) async fn coefficients(asked: Asked<ReadCoefficients>) -> Result<Respo
             }
         }
     }
-    transformed(&asked, harmonics, given, mass, omitted, tag).await
+    let rows_without_result = rows_without_result(&mass);
+    let (given, found) = of_own(&mut harmonics, given, mass).await?;
+    answer(&asked, harmonics, &given, &found, (rows_without_result, omitted), tag)
 }
 
 /// Coefficients of posted functions.
@@ -150,38 +152,38 @@ pub(crate) async fn of_posted(
     mut asked: Asked<ReadCoefficients>,
     request: Request,
 ) -> Result<Response, Problem> {
-    let harmonics = asked.harmonics().await?;
+    let mut harmonics = asked.harmonics().await?;
     let given = functions::receive(&asked.service, request).await?;
     functions::check_length(&given, harmonics.bases.rows())?;
     let mass = asked.service.store.mass(harmonics.job.id).await?;
     functions::check_finite(&given, &mass)?;
     asked.forget_conditions();
     let tag = harmonics.job.id.simple().to_string();
-    transformed(&asked, harmonics, given, mass, BTreeMap::new(), tag).await
+    let rows_without_result = rows_without_result(&mass);
+    let (given, found) = forward(&mut harmonics, given, mass).await?;
+    answer(&asked, harmonics, &given, &found, (rows_without_result, BTreeMap::new()), tag)
 }
 
 pub(super) fn bands(arguments: &Arguments) -> usize {
     arguments.integer("bands").unwrap_or(BANDS_DEFAULT) as usize
 }
 
-async fn transformed(
+fn answer(
     asked: &Asked<ReadCoefficients>,
-    mut harmonics: Harmonics,
-    given: Vec<Function>,
-    mass: Vec<f64>,
-    omitted: BTreeMap<String, String>,
+    harmonics: Harmonics,
+    given: &[Function],
+    found: &[Transformed],
+    (rows_without_result, omitted): (usize, BTreeMap<String, String>),
     tag: String,
 ) -> Result<Response, Problem> {
-    let rows_without_result = rows_without_result(&mass);
-    let (given, found) = forward(&mut harmonics, given, mass).await?;
     let stem = format!("coefficients-{}", harmonics.job.id);
     let bytes = if asked.offer == NPY {
-        npy(&found)
+        npy(found)
     } else {
         let Harmonics { job, modes, bases, share: _share } = harmonics;
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
         let bands = bands(&asked.arguments);
-        let named = || given.iter().map(|function| function.name.clone()).zip(&found);
+        let named = || given.iter().map(|function| function.name.clone()).zip(found);
         let answer = Coefficients {
             job_id: job.id,
             cloud_id: job.cloud_id,
@@ -199,6 +201,26 @@ async fn transformed(
     };
     let download = Download { offer: asked.offer, tag, stem, length: Some(bytes.len() as u64) };
     download.answer(&asked.method, &asked.headers, |span| matrix::part(bytes, span))
+}
+
+/// Of functions of the upload itself: as stored with the result, else by a pass over the bases.
+pub(super) async fn of_own(
+    harmonics: &mut Harmonics,
+    given: Vec<Function>,
+    mass: Vec<f64>,
+) -> Result<(Arc<Vec<Function>>, Vec<Transformed>), Problem> {
+    let mut stored: HashMap<String, Transformed> = harmonics
+        .bases
+        .coefficients()
+        .await?
+        .into_iter()
+        .map(|own| (own.name, Transformed { coefficients: own.numbers, energy: own.energy }))
+        .collect();
+    let found: Option<Vec<Transformed>> = given.iter().map(|f| stored.remove(&f.name)).collect();
+    match found {
+        Some(found) => Ok((Arc::new(given), found)),
+        None => forward(harmonics, given, mass).await,
+    }
 }
 
 /// One pass over the bases; gives the functions back. Small bases are kept for a pass back.

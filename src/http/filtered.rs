@@ -11,7 +11,7 @@ use uuid::Uuid;
 
 use super::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
 use super::asked::{self, Asked, Harmonics, Resource, ResultProblems};
-use super::coefficients::{BANDS, NumberLists, bands, forward};
+use super::coefficients::{BANDS, NumberLists, bands, of_own};
 use super::download::Download;
 use super::problem::{Kind, Problem, ProblemDocument};
 use super::query::{Accepts, Argument, Arguments, resource};
@@ -230,7 +230,7 @@ async fn answer<R: Resource>(
     let lost = rows_without_result(&mass);
     let (source, chosen) = (Arc::clone(&cloud), target.clone());
     let (given, mass) = service.compute.run(move || (chosen.functions(&source, &mass), mass)).await?;
-    let (given, found) = forward(&mut harmonics, given?, mass).await?;
+    let (given, found) = of_own(&mut harmonics, given?, mass).await?;
     let Harmonics { job, modes, bases, share: _share } = harmonics;
     let divided_clusters = modes.divided_clusters(&transfer.gains);
     let energy = given

@@ -6,6 +6,7 @@
 
 mod analyses;
 mod compute;
+mod own_coefficients;
 mod pulse;
 mod retention;
 mod room;

@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use super::{Compute, ComputeError};
 use crate::harmonics::Block;
-use crate::store::{CHUNK_POINTS, Store, StoreError};
+use crate::store::{CHUNK_POINTS, Store, StoreError, StoredCoefficients};
 
 /// Blocks that are read or worked on at once; fewer when a block is larger than [`AHEAD_BYTES`] over this.
 const AHEAD: usize = 4;
@@ -65,6 +65,14 @@ impl StoredBases {
     #[must_use]
     pub fn blocks(&self) -> usize {
         self.rows.div_ceil(CHUNK_POINTS)
+    }
+
+    /// What the coordinates and fields of the cloud itself are in them, where that was stored.
+    ///
+    /// # Errors
+    /// [`BasesError`].
+    pub async fn coefficients(&self) -> Result<Vec<StoredCoefficients>, BasesError> {
+        Ok(self.store.coefficients(self.job).await?)
     }
 
     /// One block, checksums checked.

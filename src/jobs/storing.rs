@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::analyses::Results;
 use super::compute::Compute;
+use super::own_coefficients::own_coefficients;
 use super::worker::Setback;
 use crate::analysis::JobKind;
 use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store, StoreError};
@@ -42,6 +43,12 @@ pub(super) async fn store_arrays(
             StoreError::Damaged("the report's lists are shorter than the number of bases".to_owned())
         })?;
         store.put_bases(claim, bases).await?;
+    }
+    if results.bases() > 0 {
+        let cloud = store.load_cloud(claim.job.cloud_id).await?;
+        let computed = Arc::clone(results);
+        let own = compute.run(move || own_coefficients(&cloud, &*computed)).await?;
+        store.put_coefficients(claim, own).await?;
     }
     Ok(())
 }

@@ -72,6 +72,12 @@ struct Krylov {
     last: std::ops::Range<usize>,
 }
 
+/// Vectors of a Krylov space that is searched for `count` pairs, the next block included.
+#[must_use]
+pub fn krylov_vectors(count: usize) -> usize {
+    (2 * count + ROOM_BLOCKS * BLOCK).max(count + 11 * BLOCK) + BLOCK
+}
+
 /// The `count` smallest non-zero eigenpairs to a relative residual of `tolerance`, among those orthogonal to the
 /// eigenvectors `beside`, from the factor of `A + σI`.
 ///
@@ -109,7 +115,7 @@ pub fn ritz_vectors(
 ) -> Result<Block, SpectrumError> {
     let (n, count) = (problem.size(), nearest.count());
     let complement = Complement { problem, beside };
-    let room = (2 * count + ROOM_BLOCKS * BLOCK).max(count + 11 * BLOCK).min(complement.dimension());
+    let room = (krylov_vectors(count) - BLOCK).min(complement.dimension());
     let mut krylov = Krylov {
         basis: Block::zeros(n, room + BLOCK),
         processed: 0,

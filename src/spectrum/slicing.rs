@@ -4,7 +4,7 @@
 use super::block::Block;
 use super::certificates;
 use super::cholesky::{Cholesky, Symbolic};
-use super::shift_invert::{Nearest, Shifted, rayleigh_ritz, ritz_vectors};
+use super::shift_invert::{Nearest, Shifted, krylov_vectors, rayleigh_ritz, ritz_vectors};
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
 
@@ -39,6 +39,13 @@ impl Weyl {
         let lambda = self.t.map_or(mu, |t| -(-t * mu).ln_1p() / t);
         Self { first: lambda / (count.max(1) as f64).powf(2.0 / self.dimension as f64), ..self }
     }
+}
+
+/// Vectors that are held at once for `count` pairs: the slices' and a Krylov space, at the end all twice.
+#[must_use]
+pub fn vectors_held(count: usize) -> usize {
+    let slice = count.div_ceil(count.div_ceil(SLICE).max(1));
+    (count + krylov_vectors(slice)).max(2 * count)
 }
 
 /// A factor, and how many non-zero eigenvalues are below its shift.

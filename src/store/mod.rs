@@ -8,6 +8,7 @@
 
 mod arrays;
 mod clouds;
+mod coefficients;
 mod content;
 mod database;
 mod disk;
@@ -30,6 +31,7 @@ use std::sync::Arc;
 use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::watch;
 
+pub use coefficients::StoredCoefficients;
 pub use error::StoreError;
 pub use idempotency::{REMEMBERED, Remembered};
 pub use owner::Owner;

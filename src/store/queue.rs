@@ -115,6 +115,7 @@ impl Store {
                 "DELETE FROM bases WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
                 "DELETE FROM array_chunks WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
                 "DELETE FROM arrays WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
+                "DELETE FROM coefficients WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
             ] {
                 sqlx::query(statement).execute(&mut *transaction).await?;
             }

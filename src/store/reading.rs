@@ -106,7 +106,10 @@ impl Store {
 }
 
 /// Rows of the cloud of a job that succeeded.
-async fn finished_points(connection: &mut SqliteConnection, job: Uuid) -> Result<usize, StoreError> {
+pub(super) async fn finished_points(
+    connection: &mut SqliteConnection,
+    job: Uuid,
+) -> Result<usize, StoreError> {
     let row = sqlx::query(
         "SELECT j.state = 'succeeded' AS succeeded, c.points FROM jobs j JOIN clouds c ON c.id = j.cloud_id \
          WHERE j.id = ?1",

@@ -195,6 +195,7 @@ async fn clear_result(connection: &mut SqliteConnection, job: Uuid) -> Result<()
         "DELETE FROM bases WHERE job_id = ?1",
         "DELETE FROM array_chunks WHERE job_id = ?1",
         "DELETE FROM arrays WHERE job_id = ?1",
+        "DELETE FROM coefficients WHERE job_id = ?1",
     ] {
         sqlx::query(statement).bind(job).execute(&mut *connection).await?;
     }

@@ -6,6 +6,8 @@ use chladni::cloud::reader::{self, Format, ReadOptions};
 use chladni::cloud::{NonFinite, PointCloud, ScalarField, ScalarType};
 use reqwest::{Response, StatusCode};
 use serde_json::{Value, json};
+use sqlx::ConnectOptions;
+use sqlx::sqlite::SqliteConnectOptions;
 
 use crate::service::{Service, detail, file, problem, sphere, sphere_and};
 
@@ -97,6 +99,26 @@ async fn coefficients_of_coordinates_and_fields_go_there_and_back() {
     let ply = service.post(&format!("/jobs/{id}/synthesis?format=ply"), answer.to_string()).await;
     let ply = read(&bytes(ply).await);
     assert_eq!((ply.fields()[2].name.as_str(), ply.dimension(), ply.faces().len()), ("f_z", 3, 2));
+}
+
+/// Results of earlier versions lack the stored coefficients.
+#[tokio::test]
+async fn coefficients_and_filtered_clouds_are_the_same_with_and_without_stored_coefficients() {
+    let service = Service::start().await;
+    let id = service.succeed(&format!("bases={BASES}"), file(&coloured(), Format::Ply)).await;
+    let paths = ["coefficients", "filtered?cutoff=3", "filtered?cutoff=3&field=red&format=json"];
+    let mut with = Vec::new();
+    for path in paths {
+        with.push(get(&service, &format!("/jobs/{id}/{path}")).await);
+    }
+    let database = SqliteConnectOptions::new().filename(service.directory.path().join("test.db"));
+    let mut file = database.connect().await.unwrap();
+    let deleted = sqlx::query("DELETE FROM coefficients").execute(&mut file).await.unwrap();
+    assert_eq!(deleted.rows_affected(), 8);
+    for (path, with) in paths.iter().zip(with) {
+        let without = get(&service, &format!("/jobs/{id}/{path}")).await;
+        assert!(with == without, "{path}");
+    }
 }
 
 #[tokio::test]

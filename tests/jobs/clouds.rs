@@ -193,7 +193,8 @@ async fn a_cloud_with_a_live_job_is_not_deleted_and_one_without_takes_its_result
     assert!(matches!(store.delete_cloud(cloud).await, Err(StoreError::NotFound)));
     let left = "SELECT (SELECT count(*) FROM cloud_chunks) + (SELECT count(*) FROM jobs) + \
                 (SELECT count(*) FROM bases) + (SELECT count(*) FROM basis_chunks) + \
-                (SELECT count(*) FROM arrays) + (SELECT count(*) FROM array_chunks)";
+                (SELECT count(*) FROM arrays) + (SELECT count(*) FROM array_chunks) + \
+                (SELECT count(*) FROM coefficients)";
     assert_eq!(stage.number(left).await, 0);
     stage.assert_sound().await;
 }

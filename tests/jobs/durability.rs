@@ -7,7 +7,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use uuid::Uuid;
 
 use crate::stage::{
-    ATTEMPTS_MAX, Stage, basis, basis_values, bits, cloud, complete, mass, submit, succeeded,
+    ATTEMPTS_MAX, Stage, basis, basis_values, bits, cloud, coefficients, complete, mass, submit, succeeded,
 };
 
 #[tokio::test]
@@ -19,16 +19,19 @@ async fn a_crash_in_the_middle_of_a_result_leaves_none_and_the_job_is_done_again
     store.begin_result(&dead).await.unwrap();
     store.put_array(&dead, ArrayName::Mass, Numbers::F64(mass(50))).await.unwrap();
     store.put_bases(&dead, vec![basis_values(50, 0), basis_values(50, 1)]).await.unwrap();
+    store.put_coefficients(&dead, vec![coefficients("x", 2)]).await.unwrap();
     drop(store);
 
     let store = stage.open().await;
     assert!(matches!(store.basis(job, 0).await, Err(StoreError::NoResult)));
+    assert!(matches!(store.coefficients(job).await, Err(StoreError::NoResult)));
     assert_eq!(stage.number("SELECT count(*) FROM basis_chunks").await, 2);
     let living = Uuid::now_v7();
     assert_eq!(store.requeue_orphans(living).await.unwrap(), 1);
     assert_eq!(store.job(job).await.unwrap().state, JobState::Queued);
     let left = "SELECT (SELECT count(*) FROM bases) + (SELECT count(*) FROM basis_chunks) + \
-                (SELECT count(*) FROM arrays) + (SELECT count(*) FROM array_chunks)";
+                (SELECT count(*) FROM arrays) + (SELECT count(*) FROM array_chunks) + \
+                (SELECT count(*) FROM coefficients)";
     assert_eq!(stage.number(left).await, 0);
     assert!(matches!(store.begin_result(&dead).await, Err(StoreError::LostClaim)));
 

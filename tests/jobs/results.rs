@@ -6,8 +6,8 @@ use chladni::store::{ArrayName, BasisValues, CHUNK_POINTS, Claim, JobState, Numb
 use uuid::Uuid;
 
 use crate::stage::{
-    Stage, basis, basis_values, bits, cloud, complete, mass, matrix, parameters, report, submit, succeeded,
-    vitals,
+    Stage, basis, basis_values, bits, cloud, coefficients, complete, mass, matrix, parameters, report,
+    submit, succeeded, vitals,
 };
 
 const N: usize = 2 * CHUNK_POINTS + 5;
@@ -54,6 +54,31 @@ async fn what_lies_beyond_the_bases_or_the_points_is_no_result() {
     assert_eq!(store.bases_chunk(job, 2, 0, 0).await.unwrap(), Vec::<Vec<f64>>::new());
     assert!(matches!(store.operator_matrix(job).await, Err(StoreError::NoResult)));
     assert!(matches!(store.basis(Uuid::now_v7(), 0).await, Err(StoreError::NotFound)));
+}
+
+#[tokio::test]
+async fn coefficients_come_back_in_their_order_and_damage_is_found() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let claim = claimed(&store, 30, 2).await;
+    let stored = vec![coefficients("z", 2), coefficients("intensity", 2)];
+    store.put_coefficients(&claim, stored.clone()).await.unwrap();
+    complete(&store, &claim).await.unwrap();
+    // what an earlier attempt left is gone when a result begins
+    assert_eq!(store.coefficients(claim.job.id).await.unwrap(), Vec::new());
+
+    let claim = claimed(&store, 31, 2).await;
+    store.put_array(&claim, ArrayName::Mass, Numbers::F64(mass(31))).await.unwrap();
+    store.put_bases(&claim, vec![basis_values(31, 0), basis_values(31, 1)]).await.unwrap();
+    store.put_coefficients(&claim, stored.clone()).await.unwrap();
+    store.finish(&claim, &report(31, 2), &vitals()).await.unwrap();
+    assert_eq!(store.coefficients(claim.job.id).await.unwrap(), stored);
+    sqlx::query("UPDATE coefficients SET numbers = CAST(zeroblob(16) AS BLOB) WHERE name = 'z'")
+        .execute(&mut stage.file().await)
+        .await
+        .unwrap();
+    assert!(matches!(store.coefficients(claim.job.id).await, Err(StoreError::Damaged(_))));
+    stage.assert_sound().await;
 }
 
 #[tokio::test]

@@ -11,7 +11,7 @@ use chladni::progress::Phase;
 use chladni::spectrum::{Certificates, Method, MissedCheck, Spectrum};
 use chladni::store::{
     ArrayName, BasisValues, Claim, Clock, JobRecord, JobState, Milliseconds, Numbers, Store, StoreError,
-    StoreSettings, Vitals,
+    StoreSettings, StoredCoefficients, Vitals,
 };
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, SqliteConnection};
@@ -153,6 +153,12 @@ pub(crate) fn report(points: usize, bases: usize) -> Report {
 /// Basis `j` of a cloud of n points; its row 1 has no result.
 pub(crate) fn basis(n: usize, j: usize) -> Vec<f64> {
     (0..n).map(|i| if i == 1 { f64::NAN } else { ((i + 1) as f64 * (j + 1) as f64).sqrt() }).collect()
+}
+
+/// Coefficients of a function of this name in so many bases.
+pub(crate) fn coefficients(name: &str, bases: usize) -> StoredCoefficients {
+    let numbers = (0..bases).map(|j| (j as f64 + name.len() as f64).sqrt()).collect();
+    StoredCoefficients { name: name.to_owned(), energy: 0.1, numbers }
 }
 
 pub(crate) fn mass(n: usize) -> Vec<f64> {

@@ -1,0 +1,54 @@
+//! The transform of a cloud's own coordinates and fields, made while a result is stored: everybody asks for it, and later
+//! it would take all bases from the disk.
+
+use rayon::prelude::*;
+
+use super::analyses::Results;
+use crate::cloud::PointCloud;
+use crate::harmonics::filtered::Target;
+use crate::harmonics::{Block, Function, Transformed, transform};
+use crate::store::{CHUNK_POINTS, StoredCoefficients};
+
+/// Bases that are in memory beside the result.
+const BATCH: usize = 16;
+
+/// Coefficients of the coordinates and of every field without numbers that are not finite; in the same blocks of rows as
+/// those that are computed from stored bases, and so with the same bits.
+pub(super) fn own_coefficients(cloud: &PointCloud, results: &dyn Results) -> Vec<StoredCoefficients> {
+    let mass = results.mass();
+    let targets = std::iter::once(Target::Coordinates)
+        .chain((0..cloud.fields().len()).map(|place| Target::Fields(vec![place])));
+    let functions: Vec<Function> =
+        targets.filter_map(|target| target.functions(cloud, &mass).ok()).flatten().collect();
+    let values: Vec<&[f64]> = functions.iter().map(|function| function.values.as_slice()).collect();
+    let mut all: Vec<Transformed> = Vec::new();
+    for first in (0..results.bases()).step_by(BATCH) {
+        let end = results.bases().min(first + BATCH);
+        let bases: Vec<Vec<f64>> = (first..end).into_par_iter().map(|j| results.basis(j)).collect();
+        let starts: Vec<usize> = (0..cloud.len()).step_by(CHUNK_POINTS).collect();
+        let partials: Vec<_> = starts
+            .into_par_iter()
+            .map(|first| {
+                let rows = first..cloud.len().min(first + CHUNK_POINTS);
+                let columns = bases.iter().map(|basis| &basis[rows.clone()]).collect();
+                transform::partial(&Block { first, columns }, &mass, &values)
+            })
+            .collect();
+        let found = transform::total(&partials);
+        if all.is_empty() {
+            all = found;
+        } else {
+            for (all, found) in all.iter_mut().zip(found) {
+                all.coefficients.extend(found.coefficients);
+            }
+        }
+    }
+    let named = functions.into_iter().zip(all);
+    named
+        .map(|(function, Transformed { coefficients, energy })| StoredCoefficients {
+            name: function.name,
+            energy,
+            numbers: coefficients,
+        })
+        .collect()
+}
