@@ -74,7 +74,7 @@ mod tests {
             (134_345, OperatorKind::PbMhb, 50, 971),
         ] {
             let estimate = megabytes(points, operator, bases);
-            let ratio = estimate as f64 / measured as f64;
+            let ratio = estimate as f64 / f64::from(measured);
             assert!((0.9..1.3).contains(&ratio), "{operator:?} {points}: {estimate} for {measured}");
         }
     }

@@ -165,12 +165,11 @@ mod tests {
     /// Paths of `side` points times each other, with weight 1 along the axes and `diagonal` across.
     fn grid(side: usize, diagonal: f64) -> Sparse {
         let weights = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| {
-            let (x, y) = ((i % side) as i64, (i / side) as i64);
-            for (dy, dx) in [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)] {
-                let inside = (0..side as i64).contains(&(x + dx)) && (0..side as i64).contains(&(y + dy));
-                if inside {
-                    let weight = if dx != 0 && dy != 0 { diagonal } else { 1.0 };
-                    row.push((((y + dy) * side as i64 + x + dx) as u32, weight));
+            let near = |k: usize| k.saturating_sub(1)..side.min(k + 2);
+            let (x, y) = (i % side, i / side);
+            for (v, u) in near(y).flat_map(|v| near(x).map(move |u| (v, u))) {
+                if (u, v) != (x, y) {
+                    row.push(((v * side + u) as u32, if u == x || v == y { 1.0 } else { diagonal }));
                 }
             }
         };

@@ -173,16 +173,14 @@ fn direct_solve<P>(
         Some(weyl) => slicing::solve(problem, symbolic, weyl, found, request.tolerance, progress)?,
         None => None,
     };
-    let (mut pairs, mut factor) = match sliced {
-        Some((pairs, factor)) => (pairs, Some(factor)),
-        None => {
-            let factor = symbolic.factor(&problem.matrix, problem.shift)?;
-            let none = Block::zeros(problem.size(), 0);
-            let whole = |share| share;
-            let pairs =
-                shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, whole)?;
-            (pairs, Some(factor))
-        }
+    let (mut pairs, mut factor) = if let Some((pairs, factor)) = sliced {
+        (pairs, Some(factor))
+    } else {
+        let factor = symbolic.factor(&problem.matrix, problem.shift)?;
+        let none = Block::zeros(problem.size(), 0);
+        let whole = |share| share;
+        let pairs = shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, whole)?;
+        (pairs, Some(factor))
     };
     progress.enter(Phase::Certificates)?;
     let mut searches = 0;

@@ -5,6 +5,7 @@ use uuid::Uuid;
 
 use super::arrays::{Number, checksum, read_checked};
 use super::reading::finished_points;
+use super::rows::integer;
 use super::{Claim, Store, StoreError, detached};
 
 /// A function's coefficients as they are stored.
@@ -39,7 +40,7 @@ impl Store {
                      VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
                 )
                 .bind(claim.job.id)
-                .bind(place as i64)
+                .bind(integer(place))
                 .bind(&function.name)
                 .bind(function.energy)
                 .bind(checksum(place, 0, &bytes).as_slice())

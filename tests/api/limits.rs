@@ -79,6 +79,15 @@ async fn more_coordinates_than_the_limit_are_refused() {
 }
 
 #[tokio::test]
+async fn more_bases_than_the_limit_are_refused() {
+    let service = Service::with_settings(|settings| settings.bases_max = 7).await;
+    let refused = service.post("/clouds?bases=8", file(&sphere(100), Format::Ply)).await;
+    let refused = problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;
+    assert!(detail(&refused).contains('7'), "{refused}");
+    service.succeed("bases=7", file(&sphere(100), Format::Ply)).await;
+}
+
+#[tokio::test]
 async fn more_fields_and_more_faces_than_the_limit_are_refused() {
     let service = Service::with_settings(|settings| (settings.fields_max, settings.faces_max) = (1, 0)).await;
     let fields = service.post("/clouds?format=xyz", b"1 2 3 4 5\n".repeat(9)).await;
