@@ -33,7 +33,7 @@ def run(command):
 
 def ours(chladni, cloud, bases, operator, folder):
     output, memory = run(
-        [chladni, "analyze", cloud, "-o", folder, "--bases", str(bases), "--operator", operator]
+        [chladni, "analyze", cloud, "-o", folder, "--bases", str(bases), "--operator", operator, "--force"]
     )
     total = next(line for line in output.splitlines() if line.startswith("total"))
     return float(total.split()[1]), memory
@@ -63,7 +63,7 @@ def main():
     parser.add_argument("chladni")
     parser.add_argument("clouds", nargs="*", type=pathlib.Path)
     parser.add_argument("--bases", type=int, default=100)
-    arguments = parser.parse_args()
+    arguments = parser.parse_intermixed_args()  # options may stand between positional arguments
     with tempfile.TemporaryDirectory() as folder:
         clouds = arguments.clouds
         if not clouds:
