@@ -309,6 +309,14 @@ impl Edge {
 }
 
 impl Transfer {
+    /// How many modes, from the first on, it takes to apply this: those behind are treated as what lies outside. At least
+    /// one, which tells the rows without a result.
+    #[must_use]
+    pub fn reach(&self) -> usize {
+        let last = self.gains.iter().rposition(|gain| gain.to_bits() != self.outside.to_bits());
+        last.map_or(1, |last| last + 1)
+    }
+
     /// From a list of gains; modes behind its end are treated as what lies outside.
     ///
     /// # Errors

@@ -239,8 +239,10 @@ async fn answer<R: Resource>(
         .map(|(function, found)| (function.name.clone(), Change::of(found, &transfer, bands)))
         .collect();
     let (applied, source) = (transfer.clone(), Arc::clone(&given));
-    let blocks = bases.map(move |block| filtering::rows(block, &source, &found, &applied)).await?;
-    drop(bases);
+    let blocks = bases
+        .first(transfer.reach())
+        .map(move |block| filtering::rows(block, &source, &found, &applied))
+        .await?;
 
     let head = Filtered {
         job_id: job.id,

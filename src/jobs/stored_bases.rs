@@ -47,6 +47,13 @@ impl StoredBases {
         Self { store, compute, job, rows, bases, kept: None }
     }
 
+    /// The first `count` of them only, where they are not kept already.
+    #[must_use]
+    pub fn first(self, count: usize) -> Self {
+        let bases = if self.kept.is_none() { count.min(self.bases) } else { self.bases };
+        Self { bases, ..self }
+    }
+
     /// Bytes of memory that a computation on them takes at most: what it keeps between two passes, and the blocks that it
     /// works on.
     #[must_use]
