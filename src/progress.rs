@@ -19,7 +19,7 @@ pub enum Phase {
     Cells,
     /// Entries of stiffness and mass.
     Assembly,
-    /// Fill-reducing order and Cholesky factor.
+    /// Fill-reducing order; the Cholesky factor too where it does not depend on what the slices find.
     Factorization,
     /// Block iterations of the eigensolver.
     Eigenpairs,
