@@ -8,7 +8,7 @@ use super::polytope::{Polyhedron, Polytope, Site, dot};
 /// flat that they carry no volume.
 const BOX_FACTOR: f64 = 1e4;
 
-/// Sites sorted before a cell is clipped by them.
+/// Sites that the first shell around a site holds, about.
 const SORTED_AT_ONCE: usize = 48;
 
 /// Shear that decides which diagonal a square gets. On exact grids four points lie on every circle; rounding would choose
@@ -82,18 +82,35 @@ fn triangles<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool,
 /// The corners of a site's Voronoi cell are dual to the tetrahedra around it.
 fn tetrahedra<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool, volume: &mut [f64]) {
     let at = |i: usize| -> [f64; 3] { std::array::from_fn(|axis| sites[i][axis]) };
-    let squared_extent = (0..sites.len()).map(|i| dot(&at(i), &at(i))).fold(0.0, f64::max);
+    let extent = (0..sites.len()).map(|i| dot(&at(i), &at(i))).fold(0.0, f64::max).sqrt();
+    let mut along: Vec<u32> = (0..sites.len() as u32).collect();
+    along.sort_unstable_by(|&a, &b| at(a as usize)[0].total_cmp(&at(b as usize)[0]).then(a.cmp(&b)));
+    let first_reach = extent * (SORTED_AT_ONCE as f64 / sites.len() as f64).cbrt();
     let mut cell = Polyhedron::default();
     let mut others: Vec<(f64, u32)> = Vec::with_capacity(sites.len());
     for i in (0..sites.len()).filter(|&i| counts(i)) {
-        let offset = |j: usize| -> [f64; 3] { std::array::from_fn(|axis| at(j)[axis] - at(i)[axis]) };
-        others.clear();
-        others.extend((0..sites.len()).filter(|&j| j != i).map(|j| (dot(&offset(j), &offset(j)), j as u32)));
-        cell.reset(BOX_FACTOR * squared_extent.sqrt());
-        clip_nearest_first(&mut cell, &mut others, |&(_, neighbor)| Site {
-            at: offset(neighbor as usize),
-            neighbor,
-        });
+        let offset = |j: u32| -> [f64; 3] { std::array::from_fn(|axis| at(j as usize)[axis] - at(i)[axis]) };
+        cell.reset(BOX_FACTOR * extent);
+        // shell by shell, nearest first: a few are enough as a rule, and the others need not be sorted
+        let (mut inner, mut reach) = (-1.0, first_reach);
+        while inner < 2.0 * extent && 0.25 * inner * inner.abs() <= cell.squared_radius() {
+            let x = |&j: &u32| at(j as usize)[0] - at(i)[0];
+            let window = along.partition_point(|j| x(j) < -reach)..along.partition_point(|j| x(j) <= reach);
+            let squared = |&j: &u32| (dot(&offset(j), &offset(j)), j);
+            let shell = |&(squared, j): &(f64, u32)| {
+                j as usize != i && squared > inner * inner.abs() && squared <= reach * reach
+            };
+            others.clear();
+            others.extend(along[window].iter().map(squared).filter(shell));
+            others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            for &(squared, neighbor) in &others {
+                if squared > 4.0 * cell.squared_radius() {
+                    break;
+                }
+                cell.clip(Site { at: offset(neighbor), neighbor });
+            }
+            (inner, reach) = (reach, 1.5 * reach);
+        }
         volume[i] = cell
             .corners()
             .filter(|corner| {
@@ -101,29 +118,6 @@ fn tetrahedra<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool
             })
             .map(|corner| corner.simplex_volume())
             .sum();
-    }
-}
-
-/// Clips by the sites, given with their squared distances, until no farther one can reach the cell.
-fn clip_nearest_first(
-    cell: &mut Polyhedron,
-    mut others: &mut [(f64, u32)],
-    site: impl Fn(&(f64, u32)) -> Site<3>,
-) {
-    let order = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-    while !others.is_empty() {
-        // a few are enough as a rule: the others need not be sorted
-        let sorted = SORTED_AT_ONCE.min(others.len());
-        others.select_nth_unstable_by(sorted - 1, order);
-        let (near, far) = others.split_at_mut(sorted);
-        near.sort_unstable_by(order);
-        for other in near.iter() {
-            if other.0 > 4.0 * cell.squared_radius() {
-                return;
-            }
-            cell.clip(site(other));
-        }
-        others = far;
     }
 }
 
