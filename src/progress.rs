@@ -66,7 +66,9 @@ impl Phase {
         }
     }
 
-    fn ends_at(self) -> f64 {
+    /// Share of the whole at which the phase ends.
+    #[must_use]
+    pub fn ends_at(self) -> f64 {
         Self::ALL.get(self as usize + 1).map_or(1.0, |next| next.begins_at())
     }
 }

@@ -6,6 +6,10 @@ use std::time::{Duration, Instant};
 use crate::progress::{Phase, Progress};
 use crate::store::Vitals;
 
+/// Share of what is left of a phase that the progress moves on by where the computation has reported nothing since it was
+/// last told: a factorisation is one call of a library and takes seconds.
+const CREEP: f64 = 0.02;
+
 /// Shared by the computation, which moves it on, and the thread that beats for it.
 #[derive(Clone)]
 pub(super) struct Task {
@@ -23,13 +27,13 @@ impl Task {
         Self { progress: Arc::new(progress), timeline }
     }
 
+    /// How far it is: more at every call, and never beyond the phase that it is in.
     pub(super) fn vitals(&self) -> Vitals {
-        let timeline = self.timeline.lock().unwrap_or_else(PoisonError::into_inner);
-        Vitals {
-            phase: self.progress.phase(),
-            progress: self.progress.fraction(),
-            phase_seconds: timeline.seconds(Instant::now()),
-        }
+        let mut timeline = self.timeline.lock().unwrap_or_else(PoisonError::into_inner);
+        let phase = self.progress.phase();
+        let crept = timeline.told + CREEP * (phase.ends_at() - timeline.told).max(0.0);
+        timeline.told = if timeline.told > 0.0 { crept } else { 0.0 }.max(self.progress.fraction());
+        Vitals { phase, progress: timeline.told, phase_seconds: timeline.seconds(Instant::now()) }
     }
 }
 
@@ -37,11 +41,13 @@ impl Task {
 struct Timeline {
     spent: Vec<(Phase, Duration)>,
     entered: Instant,
+    /// The progress that was told last.
+    told: f64,
 }
 
 impl Timeline {
     fn new(now: Instant) -> Self {
-        Self { spent: Vec::new(), entered: now }
+        Self { spent: Vec::new(), entered: now, told: 0.0 }
     }
 
     /// A phase may be entered again, as when an eigensolver asks for another factor: its times add up.
@@ -96,6 +102,23 @@ mod tests {
         timeline.enter(Phase::Eigenpairs, at(1));
         timeline.enter(Phase::Factorization, at(3));
         assert_eq!(timeline.seconds(at(7)), [(Phase::Factorization, 5.0), (Phase::Eigenpairs, 2.0)]);
+    }
+
+    #[test]
+    fn a_silent_computation_is_told_to_move_within_its_phase() {
+        let task = Task::begin();
+        task.progress.enter(Phase::Factorization).unwrap();
+        let mut before = task.vitals().progress;
+        for _ in 0..100 {
+            let now = task.vitals().progress;
+            assert!(now > before && now < Phase::Factorization.ends_at());
+            before = now;
+        }
+        task.progress.enter(Phase::Eigenpairs).unwrap();
+        let next = task.vitals().progress;
+        assert!(next >= Phase::Factorization.ends_at());
+        task.progress.advance(0.5).unwrap();
+        assert!((task.vitals().progress - task.progress.fraction()).abs() < f64::EPSILON);
     }
 
     #[test]
