@@ -2,7 +2,7 @@
 
 use super::{JobKind, Parameters};
 use crate::operator::OperatorKind;
-use crate::spectrum::shift_invert::krylov_vectors;
+use crate::spectrum::shift_invert::krylov_vectors_at_end;
 use crate::spectrum::slicing::vectors_held;
 use crate::spectrum::solver::is_dense;
 
@@ -38,7 +38,7 @@ pub fn memory_estimate(
         _ => KERNEL_BYTES,
     };
     let bases = parameters.bases;
-    let vectors = if kernel > 0 && unfactored { krylov_vectors(bases) + bases } else { vectors_held(bases) };
+    let vectors = if kernel > 0 && unfactored { krylov_vectors_at_end(bases) } else { vectors_held(bases) };
     let solver = match kind {
         JobKind::Operator => 0,
         JobKind::Eigen => FACTOR_BYTES * u64::from(points.max(1).ilog2() + 1) + 8 * vectors as u64,

@@ -92,6 +92,22 @@ impl Block {
         });
     }
 
+    /// The first `columns` columns, in a buffer of their own width: what the others took is given back.
+    ///
+    /// # Panics
+    /// When the block has fewer.
+    #[must_use]
+    pub fn into_first(mut self, columns: usize) -> Self {
+        assert!(columns <= self.columns, "a block of {} columns has no first {columns}", self.columns);
+        for i in 0..self.rows {
+            self.values.copy_within(i * self.width..i * self.width + columns, i * columns);
+        }
+        self.values.truncate(self.rows * columns);
+        // moves nothing: the end of a large buffer is unmapped
+        self.values.shrink_to_fit();
+        Self { width: columns, columns, ..self }
+    }
+
     /// Columns `from ..` of some rows.
     fn chunk(&self, rows: std::ops::Range<usize>, from: usize) -> MatRef<'_, f64> {
         let values = &self.values[rows.start * self.width + from..];
@@ -227,6 +243,14 @@ mod tests {
             }
         });
         block
+    }
+
+    #[test]
+    fn the_first_columns_keep_their_numbers() {
+        let whole = block(1_100, 7);
+        let first = whole.clone().into_first(3);
+        assert_eq!((first.rows(), first.columns()), (1_100, 3));
+        assert!((0..1_100).all(|i| first.row(i) == &whole.row(i)[..3]));
     }
 
     #[test]

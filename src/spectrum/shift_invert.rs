@@ -17,9 +17,11 @@ const BLOCK: usize = 16;
 /// Restarts before giving up.
 const RESTARTS_MAX: usize = 60;
 
-/// Blocks of room beside twice the wanted pairs. A slice inside of the spectrum has neighbours on both sides and wants
-/// more: with evenly spaced eigenvalues 50 pairs take about 200 vectors, 100 about 330.
-const ROOM_BLOCKS: usize = 6;
+/// Blocks of room beside 8/5 of the pairs wanted around a shift inside of the spectrum: 50 take 192 vectors, 100 take 272.
+const ROOM_BLOCKS: usize = 7;
+
+/// Blocks of room beside twice the pairs wanted from the end of the spectrum: 100 take about 340 vectors.
+const ROOM_BLOCKS_AT_END: usize = 9;
 
 /// The eigenvalues nearest to a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,10 +74,17 @@ struct Krylov {
     last: std::ops::Range<usize>,
 }
 
-/// Vectors of a Krylov space that is searched for `count` pairs, the next block included.
+/// Vectors of a Krylov space that is searched for `count` pairs around a shift inside of the spectrum, the next block
+/// included.
 #[must_use]
 pub fn krylov_vectors(count: usize) -> usize {
-    (2 * count + ROOM_BLOCKS * BLOCK).max(count + 11 * BLOCK) + BLOCK
+    8 * count / 5 + (ROOM_BLOCKS + 1) * BLOCK
+}
+
+/// The same of pairs at the end of the spectrum.
+#[must_use]
+pub fn krylov_vectors_at_end(count: usize) -> usize {
+    2 * count + (ROOM_BLOCKS_AT_END + 1) * BLOCK
 }
 
 /// The `count` smallest non-zero eigenpairs to a relative residual of `tolerance`, among those orthogonal to the
@@ -115,7 +124,8 @@ pub fn ritz_vectors(
 ) -> Result<Block, SpectrumError> {
     let (n, count) = (problem.size(), nearest.count());
     let complement = Complement { problem, beside };
-    let room = (krylov_vectors(count) - BLOCK).min(complement.dimension());
+    let vectors = if nearest.below == 0 { krylov_vectors_at_end(count) } else { krylov_vectors(count) };
+    let room = (vectors - BLOCK).min(complement.dimension());
     let mut krylov = Krylov {
         basis: Block::zeros(n, room + BLOCK),
         processed: 0,
@@ -321,9 +331,7 @@ fn finish(complement: &Complement<'_>, mut krylov: Krylov, nearest: Nearest) -> 
         Some(i) => outside[(i, j)] / ritz.values[places[j]],
     });
     replace_by_product(&mut krylov.basis, change.as_ref());
-    let mut vectors = Block::zeros(krylov.basis.rows(), places.len());
-    vectors.copy_columns(0, &krylov.basis, 0, places.len());
-    drop(krylov);
+    let mut vectors = krylov.basis.into_first(places.len());
     // in a space that is nearly exhausted the last blocks are short, and rounding along the null space is not
     complement.project(&mut vectors);
     Ok(vectors)
