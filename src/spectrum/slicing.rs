@@ -4,12 +4,17 @@
 use super::block::Block;
 use super::certificates;
 use super::cholesky::{Cholesky, Symbolic};
-use super::shift_invert::{Nearest, Shifted, krylov_vectors, rayleigh_ritz, ritz_vectors};
+use super::shift_invert::{
+    Nearest, Shifted, krylov_vectors, krylov_vectors_at_end, rayleigh_ritz, ritz_vectors,
+};
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
 
 /// Most pairs of a slice: fewer make more factorisations, more make larger Krylov spaces.
 const SLICE: usize = 120;
+
+/// Pairs from which on the spectrum is solved in slices.
+pub const SLICED_FROM: usize = 24;
 
 /// Corrections of the guess where an eigenvalue lies, before slicing is given up.
 const GUESSES: usize = 4;
@@ -41,11 +46,14 @@ impl Weyl {
     }
 }
 
-/// Vectors that are held at once for `count` pairs: the slices' and a Krylov space, at the end all twice.
+/// Vectors that are held at once for `count` pairs: the other slices' and a Krylov space, at the end all twice.
 #[must_use]
 pub fn vectors_held(count: usize) -> usize {
+    if count < SLICED_FROM {
+        return krylov_vectors_at_end(count);
+    }
     let slice = count.div_ceil(count.div_ceil(SLICE).max(1));
-    (count + krylov_vectors(slice)).max(2 * count)
+    (count - slice + krylov_vectors(slice)).max(2 * count)
 }
 
 /// A factor, and how many non-zero eigenvalues are below its shift.

@@ -39,9 +39,6 @@ const INERTIA_ENTRIES_PER_ROW: usize = 200;
 /// Searches for eigenvalues that were missed, before the answer says that some are.
 const SEARCHES_MAX: u32 = 30;
 
-/// Pairs from which on the spectrum is solved in slices.
-const SLICED_FROM: usize = 24;
-
 /// Gaps at which the count of eigenvalues is tried: a factorisation at each.
 const GAPS_TRIED: usize = 9;
 
@@ -169,7 +166,7 @@ fn direct_solve<P>(
     let found = (wanted + 1).min(problem.size() - problem.zero_modes());
     let counts = symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size();
     progress.enter(Phase::Eigenpairs)?;
-    let sliced = match request.weyl.filter(|_| wanted >= SLICED_FROM) {
+    let sliced = match request.weyl.filter(|_| wanted >= slicing::SLICED_FROM) {
         Some(weyl) => slicing::solve(problem, symbolic, weyl, found, request.tolerance, progress)?,
         None => None,
     };
