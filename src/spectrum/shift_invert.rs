@@ -17,8 +17,9 @@ const BLOCK: usize = 16;
 /// Restarts before giving up.
 const RESTARTS_MAX: usize = 60;
 
-/// Blocks of room beside 8/5 of the pairs wanted around a shift inside of the spectrum: 50 take 192 vectors, 100 take 272.
-const ROOM_BLOCKS: usize = 7;
+/// Blocks of room beside twice the pairs wanted around a shift inside of the spectrum. From the middle of evenly spaced
+/// eigenvalues 50 take 192 vectors and 100 take 272; an uneven slice wants more, and a restart can lose a multiple one.
+const ROOM_BLOCKS: usize = 6;
 
 /// Blocks of room beside twice the pairs wanted from the end of the spectrum: 100 take about 340 vectors.
 const ROOM_BLOCKS_AT_END: usize = 9;
@@ -78,7 +79,7 @@ struct Krylov {
 /// included.
 #[must_use]
 pub fn krylov_vectors(count: usize) -> usize {
-    8 * count / 5 + (ROOM_BLOCKS + 1) * BLOCK
+    (2 * count + ROOM_BLOCKS * BLOCK).max(count + 11 * BLOCK) + BLOCK
 }
 
 /// The same of pairs at the end of the spectrum.

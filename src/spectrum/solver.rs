@@ -45,7 +45,7 @@ const GAPS_TRIED: usize = 9;
 /// Error of the inverse as a polynomial, as a share of the tolerance, and the most steps that it may take: beyond, LOBPCG
 /// needs fewer products.
 const POLYNOMIAL_ERROR: f64 = 0.8;
-const POLYNOMIAL_STEPS_MAX: usize = 12;
+const POLYNOMIAL_STEPS_MAX: usize = 10;
 
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
 const GUARD_MIN: usize = 12;
