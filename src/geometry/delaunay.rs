@@ -9,7 +9,7 @@ use super::polytope::{Polyhedron, Polytope, Site, dot};
 const BOX_FACTOR: f64 = 1e4;
 
 /// Sites that the first shell around a site holds, about.
-const SORTED_AT_ONCE: usize = 48;
+const FIRST_SHELL: usize = 48;
 
 /// Shear that decides which diagonal a square gets. On exact grids four points lie on every circle; rounding would choose
 /// at random, and the volumes around sites would scatter by a third.
@@ -85,7 +85,7 @@ fn tetrahedra<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool
     let extent = (0..sites.len()).map(|i| dot(&at(i), &at(i))).fold(0.0, f64::max).sqrt();
     let mut along: Vec<u32> = (0..sites.len() as u32).collect();
     along.sort_unstable_by(|&a, &b| at(a as usize)[0].total_cmp(&at(b as usize)[0]).then(a.cmp(&b)));
-    let first_reach = extent * (SORTED_AT_ONCE as f64 / sites.len() as f64).cbrt();
+    let first_reach = extent * (FIRST_SHELL as f64 / sites.len() as f64).cbrt();
     let mut cell = Polyhedron::default();
     let mut others: Vec<(f64, u32)> = Vec::with_capacity(sites.len());
     for i in (0..sites.len()).filter(|&i| counts(i)) {
