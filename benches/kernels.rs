@@ -66,8 +66,10 @@ fn solves(criterion: &mut Criterion) {
     let order = || nested_dissection(&problem.matrix, |i| points.point(i as usize));
     group.bench_function("nested dissection", |b| b.iter(order));
     let symbolic = Symbolic::analyze(&problem.matrix, order()).expect("it has a factor");
-    group.bench_function("factorization", |b| b.iter(|| symbolic.factor(&problem.matrix, problem.shift)));
-    let factor = symbolic.factor(&problem.matrix, problem.shift).expect("it has a factor");
+    group.bench_function("factorization", |b| {
+        b.iter(|| symbolic.factor(&problem.matrix, problem.shift, progress))
+    });
+    let factor = symbolic.factor(&problem.matrix, problem.shift, progress).expect("it has a factor");
     for columns in [16, 64] {
         let mut block = Block::zeros(POINTS, columns);
         start::fill(&mut block, 0);

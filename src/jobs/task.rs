@@ -7,7 +7,7 @@ use crate::progress::{Phase, Progress};
 use crate::store::Vitals;
 
 /// Share of what is left of a phase that the progress moves on by where the computation has reported nothing since it was
-/// last told: a factorisation is one call of a library and takes seconds.
+/// last told, as during a factorisation.
 const CREEP: f64 = 0.02;
 
 /// Shared by the computation, which moves it on, and the thread that beats for it.

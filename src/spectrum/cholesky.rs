@@ -1,32 +1,38 @@
-//! Sparse Cholesky factors of shifted stiffness matrices, with signs where the shift makes them indefinite, by faer's
-//! supernodal factorisation.
+//! Sparse Cholesky factors of shifted stiffness matrices, with signs where the shift makes them indefinite.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
+use faer::Side;
 use faer::perm::PermRef;
+use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::SupernodalThreshold;
-use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky,
+    CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Par, Side};
 use rayon::prelude::*;
 
-use super::block::Block;
-use super::substitution::{Signed, WIDTH_MAX, WIDTH_MIN};
+use super::block::{Block, column_norms};
+use super::entry::Entry;
+use super::factorization::{Factor, Reordered, factorize};
+use super::order::Elimination;
+use super::sparse_product::sparse_product;
+use super::substitution::WIDTH;
+use super::supernodes::Supernodes;
 use super::{SpectrumError, substitution};
 use crate::operator::Sparse;
+use crate::progress::Progress;
 
 /// Largest relative residual of the probe after a factorisation. A release of the kernel library once gave silently
 /// wrong factors.
 const PROBE_MAX: f64 = 1e-6;
 
-/// What a factorisation will cost, known before it is made.
+/// Least reduction of the error by a solve in single precision that is worth repeating.
+const CONTRACTION_MAX: f64 = 0.1;
+
+/// Rows that are copied by one task, at the least.
+const ROWS_MIN: usize = 4_096;
+
+/// The pattern of a factor, and what it will cost, known before it is made.
 pub struct Symbolic {
-    structure: SymbolicCholesky<u32>,
-    offsets: Vec<u32>,
+    nodes: Supernodes,
     /// The row eliminated k-th.
     order: Vec<u32>,
     /// When row i is eliminated.
@@ -34,11 +40,12 @@ pub struct Symbolic {
 }
 
 impl Symbolic {
-    /// Analyses the pattern of `matrix` for the elimination order `order`.
+    /// Analyses the pattern of `matrix` for an elimination order.
     ///
     /// # Errors
     /// [`SpectrumError::Factorization`] when the matrix or its factor has more entries than can be indexed.
-    pub fn analyze(matrix: &Sparse, order: Vec<u32>) -> Result<Self, SpectrumError> {
+    pub fn analyze(matrix: &Sparse, elimination: impl Into<Elimination>) -> Result<Self, SpectrumError> {
+        let Elimination { order, parts } = elimination.into();
         let fail = |what: &str| SpectrumError::Factorization(format!("symbolic analysis: {what}"));
         if u32::try_from(matrix.nonzeros()).is_err() {
             return Err(fail("more than 2^32 entries"));
@@ -61,31 +68,54 @@ impl Symbolic {
         )
         .map_err(|error| fail(&format!("{error:?}")))?;
         match structure.raw() {
-            SymbolicCholeskyRaw::Supernodal(_) => Ok(Self { structure, offsets, order, place }),
+            SymbolicCholeskyRaw::Supernodal(symbolic) => {
+                Ok(Self { nodes: Supernodes::new(symbolic, &parts), order, place })
+            }
             SymbolicCholeskyRaw::Simplicial(_) => Err(fail("no supernodes")),
-        }
-    }
-
-    fn supernodes(&self) -> &SymbolicSupernodalCholesky<u32> {
-        match self.structure.raw() {
-            SymbolicCholeskyRaw::Supernodal(symbolic) => symbolic,
-            SymbolicCholeskyRaw::Simplicial(_) => unreachable!("refused by the analysis"),
         }
     }
 
     /// Entries of the factor.
     #[must_use]
     pub fn factor_entries(&self) -> usize {
-        self.structure.len_val()
+        self.nodes.entries()
     }
 
-    /// Factors `A + shift·I` for a positive semi-definite `A` of the analysed pattern and `shift > 0`.
+    /// Factors `A + shift·I` for a positive semi-definite `A` of the analysed pattern and `shift > 0`: in single precision
+    /// where solutions can be refined.
     ///
     /// # Errors
-    /// [`SpectrumError::Factorization`] when the matrix is not positive definite or the probe fails.
-    pub fn factor(&self, matrix: &Sparse, shift: f64) -> Result<Cholesky<'_>, SpectrumError> {
-        match self.factor_indefinite(matrix, shift)? {
-            Some(cholesky) if cholesky.negative.is_empty() => Ok(cholesky),
+    /// [`SpectrumError::Factorization`] when the matrix is not positive definite or the probe fails,
+    /// [`SpectrumError::Canceled`].
+    pub fn factor<'a>(
+        &'a self,
+        matrix: &'a Sparse,
+        shift: f64,
+        progress: &Progress,
+    ) -> Result<Cholesky<'a>, SpectrumError> {
+        if let Some(factor) = self.factorize(matrix, shift, progress)? {
+            let factor = Precision::Single(factor);
+            let mut cholesky = Cholesky { symbolic: self, matrix, shift, factor, contraction: 0.0 };
+            cholesky.contraction = cholesky.contraction();
+            if cholesky.contraction <= CONTRACTION_MAX && cholesky.negative_eigenvalues() == 0 {
+                return Ok(cholesky);
+            }
+        }
+        self.factor_double(matrix, shift, progress)
+    }
+
+    /// The same in double precision.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn factor_double<'a>(
+        &'a self,
+        matrix: &'a Sparse,
+        shift: f64,
+        progress: &Progress,
+    ) -> Result<Cholesky<'a>, SpectrumError> {
+        match self.factor_indefinite(matrix, shift, progress)? {
+            Some(cholesky) if cholesky.negative_eigenvalues() == 0 => Ok(cholesky),
             Some(_) => Err(SpectrumError::Factorization("not positive definite".into())),
             None => {
                 Err(SpectrumError::Factorization("a pivot is zero, or the probe |Ax−b|/|b| fails".into()))
@@ -97,91 +127,44 @@ impl Symbolic {
     /// probe (`−shift` too near an eigenvalue).
     ///
     /// # Errors
-    /// [`SpectrumError::Factorization`] when memory cannot be had.
-    pub fn factor_indefinite(
-        &self,
-        matrix: &Sparse,
+    /// [`SpectrumError::Canceled`].
+    pub fn factor_indefinite<'a>(
+        &'a self,
+        matrix: &'a Sparse,
         shift: f64,
-    ) -> Result<Option<Cholesky<'_>>, SpectrumError> {
-        let values = shifted(matrix, shift);
-        let a = SparseColMatRef::new(self.pattern(matrix), &values);
-        let mut factor = vec![0.0; self.structure.len_val()];
-        let spec = faer::Spec::default();
-        let mut memory = allocate(self.structure.factorize_numeric_ldlt_scratch::<f64>(Par::Seq, spec))?;
-        let factored = self.structure.factorize_numeric_ldlt(
-            &mut factor,
-            a,
-            Side::Lower,
-            LdltRegularization::default(),
-            Par::Seq,
-            MemStack::new(&mut memory),
-            spec,
-        );
-        if factored.is_err() {
-            return Ok(None);
-        }
-        drop((memory, values));
-        let negative = self.divide_pivots(&mut factor);
-        let cholesky = Cholesky { symbolic: self, factor, negative };
+        progress: &Progress,
+    ) -> Result<Option<Cholesky<'a>>, SpectrumError> {
+        let Some(factor) = self.factorize(matrix, shift, progress)? else { return Ok(None) };
+        let factor = Precision::Double(factor);
+        let cholesky = Cholesky { symbolic: self, matrix, shift, factor, contraction: 0.0 };
         let relative = probe(matrix, shift, |x| cholesky.solve(x));
         Ok((relative <= PROBE_MAX).then_some(cholesky))
     }
 
-    /// Turns `L D Lᵀ` into `(L |D|^½) sign(D) (L |D|^½)ᵀ`, and tells the negative pivots' places.
-    fn divide_pivots(&self, factor: &mut [f64]) -> Vec<u32> {
-        let supernodes = self.supernodes();
-        let mut negative = Vec::new();
-        for s in 0..supernodes.n_supernodes() {
-            let start = supernodes.supernode_begin()[s];
-            let width = (supernodes.supernode_end()[s] - start) as usize;
-            let height = width + supernodes.nnz_per_super()[s] as usize;
-            let values = &mut factor[supernodes.col_ptr_for_val()[s] as usize..][..width * height];
-            for (k, column) in values.chunks_exact_mut(height).enumerate() {
-                let pivot = column[k];
-                if pivot < 0.0 {
-                    negative.push(start + k as u32);
-                }
-                let root = pivot.abs().sqrt();
-                column[k] = root;
-                column[k + 1..].iter_mut().for_each(|x| *x *= root);
-            }
-        }
-        negative
+    fn factorize<T: Entry>(
+        &self,
+        matrix: &Sparse,
+        shift: f64,
+        progress: &Progress,
+    ) -> Result<Option<Factor<T>>, SpectrumError> {
+        let reordered = Reordered { matrix, shift, order: &self.order, place: &self.place };
+        Ok(factorize(&self.nodes, reordered, progress)?)
     }
 
     /// Number of eigenvalues of `A` below `bound`, by Sylvester's law of inertia from the signs of the pivots of
     /// `A − bound·I`; `None` when it cannot be factored (`bound` too near an eigenvalue).
     ///
     /// # Errors
-    /// [`SpectrumError::Factorization`] when memory cannot be had.
-    pub fn eigenvalues_below(&self, matrix: &Sparse, bound: f64) -> Result<Option<usize>, SpectrumError> {
-        Ok(self.factor_indefinite(matrix, -bound)?.map(|cholesky| cholesky.negative_eigenvalues()))
+    /// [`SpectrumError::Canceled`].
+    pub fn eigenvalues_below(
+        &self,
+        matrix: &Sparse,
+        bound: f64,
+        progress: &Progress,
+    ) -> Result<Option<usize>, SpectrumError> {
+        let factor = self.factor_indefinite(matrix, -bound, progress)?;
+        Ok(factor.map(|cholesky| cholesky.negative_eigenvalues()))
     }
-
-    fn pattern<'a>(&'a self, matrix: &'a Sparse) -> SymbolicSparseColMatRef<'a, u32> {
-        let n = matrix.rows();
-        SymbolicSparseColMatRef::new_checked(n, n, &self.offsets, None, matrix.columns())
-    }
-}
-
-fn allocate(size: faer::dyn_stack::StackReq) -> Result<MemBuffer, SpectrumError> {
-    MemBuffer::try_new(size).map_err(|_| {
-        SpectrumError::Factorization(format!(
-            "{} MiB of scratch memory cannot be had",
-            size.size_bytes() >> 20
-        ))
-    })
-}
-
-/// Values of `A + shift·I`.
-fn shifted(matrix: &Sparse, shift: f64) -> Vec<f64> {
-    let mut values = matrix.values().to_vec();
-    for (i, span) in matrix.offsets().windows(2).enumerate() {
-        let columns = &matrix.columns()[span[0]..span[1]];
-        let diagonal = columns.partition_point(|&j| (j as usize) < i);
-        values[span[0] + diagonal] += shift;
-    }
-    values
 }
 
 /// `|(A + shift·I) x − b| / |b|` for the solution of a system whose right-hand side touches every row.
@@ -203,43 +186,225 @@ fn probe(matrix: &Sparse, shift: f64, solve: impl FnOnce(&mut Block)) -> f64 {
 /// `A + shift·I = L S Lᵀ` with signs `S`, all positive where the matrix is definite.
 pub struct Cholesky<'a> {
     symbolic: &'a Symbolic,
-    factor: Vec<f64>,
-    /// Places of the negative signs.
-    negative: Vec<u32>,
+    matrix: &'a Sparse,
+    shift: f64,
+    factor: Precision,
+    /// What a solution with the factor leaves of the error, as a share; 0 where one is as good as it gets.
+    contraction: f64,
+}
+
+/// A factor as it is stored. What is read limits the speed of solving: two solves in single precision take no longer than
+/// one in double, and half of the memory.
+enum Precision {
+    Single(Factor<f32>),
+    Double(Factor<f64>),
 }
 
 impl Cholesky<'_> {
+    /// What was added to the diagonal.
+    #[must_use]
+    pub fn shift(&self) -> f64 {
+        self.shift
+    }
+
     /// Number of eigenvalues of the factored matrix below 0, by Sylvester's law of inertia.
     #[must_use]
     pub fn negative_eigenvalues(&self) -> usize {
-        self.negative.len()
+        match &self.factor {
+            Precision::Single(factor) => factor.negative.len(),
+            Precision::Double(factor) => factor.negative.len(),
+        }
     }
 
-    /// `X ← (A + shift·I)⁻¹ X`, groups of columns in parallel.
-    pub fn solve(&self, x: &mut Block) {
-        let Symbolic { order, place, .. } = self.symbolic;
-        // two narrow passes rather than one wide one where they can run side by side
-        let width = if x.columns() > WIDTH_MAX { WIDTH_MAX } else { WIDTH_MIN };
-        let groups: Vec<usize> = (0..x.columns()).step_by(width).collect();
-        let source = &*x;
-        let solved: Vec<Vec<f64>> = groups
-            .par_iter()
-            .map(|&first| {
-                let count = width.min(source.columns() - first);
-                let mut group = vec![0.0; source.rows() * width];
-                for (row, &i) in group.chunks_exact_mut(width).zip(order) {
-                    row[..count].copy_from_slice(&source.row(i as usize)[first..first + count]);
-                }
-                let factor = Signed { values: &self.factor, negative: &self.negative };
-                substitution::solve(self.symbolic.supernodes(), factor, &mut group, width);
-                group
-            })
-            .collect();
-        x.for_each_row(|i, row| {
-            let place = place[i] as usize;
-            for (group, part) in solved.iter().zip(row.chunks_mut(width)) {
-                part.copy_from_slice(&group[place * width..][..part.len()]);
+    /// Whether [`Self::solve`] solves as well as double precision can.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        self.contraction == 0.0
+    }
+
+    /// `X ← (A + shift·I)⁻¹ X` with a relative error of about `error`, by as many refinements as that takes.
+    pub fn solve_to(&self, x: &mut Block, error: f64) {
+        let solves = if self.is_exact() { 1.0 } else { (error.ln() / self.contraction.ln()).ceil() };
+        if solves <= 1.0 {
+            self.solve(x);
+            return;
+        }
+        let b = x.clone();
+        self.solve(x);
+        for _ in 1..solves as usize {
+            let correction = self.correction(&b, x);
+            add(x, &correction);
+        }
+    }
+
+    /// What one more solution with the factor adds to `x`.
+    fn correction(&self, b: &Block, x: &Block) -> Block {
+        let mut rest = Block::zeros(x.rows(), x.columns());
+        sparse_product(&mut rest, self.matrix, x);
+        rest.for_each_row(|i, row| {
+            for ((r, b), x) in row.iter_mut().zip(b.row(i)).zip(x.row(i)) {
+                *r = b - *r - self.shift * x;
             }
         });
+        self.solve(&mut rest);
+        rest
+    }
+
+    /// By how much one more solution with the factor reduces the error, of vectors that are drawn to what is nearest to
+    /// the shift, where it is largest.
+    fn contraction(&self) -> f64 {
+        let mut b = Block::zeros(self.matrix.rows(), WIDTH);
+        super::start::fill(&mut b, 1 << 22);
+        let mut x = b.clone();
+        self.solve(&mut x);
+        let mut worst = 0.0_f64;
+        let mut sizes = column_norms(&x);
+        for _ in 0..2 {
+            let correction = self.correction(&b, &x);
+            add(&mut x, &correction);
+            let next = column_norms(&correction);
+            let ratio =
+                |(next, size): (&f64, &f64)| if next.is_finite() { next / size } else { f64::INFINITY };
+            worst = next.iter().zip(&sizes).map(ratio).fold(worst, f64::max);
+            sizes = next;
+        }
+        worst
+    }
+
+    /// `X ← (L S Lᵀ)⁻¹ X`, which is as good an inverse as the factor.
+    pub fn solve(&self, x: &mut Block) {
+        match &self.factor {
+            Precision::Single(factor) => self.substitute_with(factor, x),
+            Precision::Double(factor) => self.substitute_with(factor, x),
+        }
+    }
+
+    fn substitute_with<T: Entry>(&self, factor: &Factor<T>, x: &mut Block) {
+        let Symbolic { nodes, order, place } = self.symbolic;
+        for first in (0..x.columns()).step_by(WIDTH) {
+            let count = WIDTH.min(x.columns() - first);
+            let mut group = vec![T::nearest(0.0); x.rows() * WIDTH];
+            group.par_chunks_exact_mut(WIDTH).zip(order).with_min_len(ROWS_MIN).for_each(|(group, &i)| {
+                let row = &x.row(i as usize)[first..first + count];
+                group.iter_mut().zip(row).for_each(|(g, &x)| *g = T::nearest(x));
+            });
+            substitution::solve(nodes, factor, &mut group);
+            x.for_each_row(|i, row| {
+                let group = &group[place[i] as usize * WIDTH..];
+                row[first..first + count].iter_mut().zip(group).for_each(|(x, &g)| *x = g.into());
+            });
+        }
+    }
+}
+
+fn add(x: &mut Block, y: &Block) {
+    x.for_each_row(|i, row| row.iter_mut().zip(y.row(i)).for_each(|(x, y)| *x += y));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Canceled;
+    use crate::spectrum::order::nested_dissection;
+    use crate::spectrum::shift_invert::tests::{grid, grid_eigenvalues};
+    use crate::spectrum::{SpectrumError, start};
+
+    const SIDE: usize = 150;
+
+    /// The analysis of a grid that is large enough for parts.
+    fn analyzed() -> (crate::spectrum::Problem, Symbolic) {
+        let problem = grid(SIDE);
+        let positions: Vec<[f64; 2]> =
+            (0..SIDE * SIDE).map(|i| [(i % SIDE) as f64, (i / SIDE) as f64]).collect();
+        let elimination = nested_dissection(&problem.matrix, |i| &positions[i as usize]);
+        assert!(elimination.parts.len() > 1);
+        let symbolic = Symbolic::analyze(&problem.matrix, elimination).unwrap();
+        assert!(!symbolic.nodes.parts().is_empty() && !symbolic.nodes.top().is_empty());
+        (problem, symbolic)
+    }
+
+    fn relative_error(matrix: &Sparse, shift: f64, solve: impl Fn(&mut Block)) -> f64 {
+        let mut b = Block::zeros(matrix.rows(), 19);
+        start::fill(&mut b, 0);
+        let mut x = b.clone();
+        solve(&mut x);
+        let mut product = Block::zeros(matrix.rows(), 19);
+        sparse_product(&mut product, matrix, &x);
+        product.for_each_row(|i, row| {
+            for ((p, x), b) in row.iter_mut().zip(x.row(i)).zip(b.row(i)) {
+                *p += shift * x - b;
+            }
+        });
+        let (rest, size) = (column_norms(&product), column_norms(&b));
+        rest.iter().zip(size).map(|(r, b)| r / b).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn parts_of_the_order_do_not_touch() {
+        let (problem, symbolic) = analyzed();
+        let part_of = |place: usize| {
+            symbolic.nodes.parts().iter().position(|part| symbolic.nodes.columns_of(part).contains(&place))
+        };
+        for (k, &row) in symbolic.order.iter().enumerate() {
+            for j in problem.matrix.neighbors(row as usize) {
+                let (one, other) = (part_of(k), part_of(symbolic.place[j as usize] as usize));
+                assert!(one == other || one.is_none() || other.is_none(), "{k} {one:?} {other:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn single_precision_is_refined_to_double() {
+        let (problem, symbolic) = analyzed();
+        let (matrix, shift) = (&problem.matrix, problem.shift);
+        let single = symbolic.factor(matrix, shift, &Progress::new()).unwrap();
+        assert!(!single.is_exact());
+        let double = symbolic.factor_double(matrix, shift, &Progress::new()).unwrap();
+        assert!(double.is_exact());
+        let rough = relative_error(matrix, shift, |x| single.solve(x));
+        let refined = relative_error(matrix, shift, |x| single.solve_to(x, 1e-9));
+        let exact = relative_error(matrix, shift, |x| double.solve(x));
+        assert!(rough > 1e-6 && refined < 1e-8 && exact < 1e-10, "{rough} {refined} {exact}");
+    }
+
+    #[test]
+    fn negative_pivots_count_eigenvalues_and_their_signs_solve() {
+        let (problem, symbolic) = analyzed();
+        let exact = grid_eigenvalues(SIDE);
+        // in gaps between different eigenvalues, near the end and in the middle
+        for k in [1, 10, 500, 11_000] {
+            let next = (k..exact.len() - 1).find(|&k| exact[k + 1] - exact[k] > 1e-9).unwrap();
+            let bound = 0.5 * (exact[next] + exact[next + 1]);
+            let factor =
+                symbolic.factor_indefinite(&problem.matrix, -bound, &Progress::new()).unwrap().unwrap();
+            assert_eq!(factor.negative_eigenvalues(), next + 1);
+            let error = relative_error(&problem.matrix, -bound, |x| factor.solve(x));
+            assert!(error < 1e-6, "{k}: {error}");
+        }
+    }
+
+    #[test]
+    fn bits_do_not_depend_on_the_number_of_threads() {
+        let (problem, symbolic) = analyzed();
+        let solved = |threads| {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+                let factor = symbolic.factor(&problem.matrix, problem.shift, &Progress::new()).unwrap();
+                let mut x = Block::zeros(problem.size(), 20);
+                start::fill(&mut x, 0);
+                factor.solve_to(&mut x, 1e-9);
+                x
+            })
+        };
+        let (one, three) = (solved(1), solved(3));
+        assert!((0..problem.size()).all(|i| one.row(i) == three.row(i)));
+    }
+
+    #[test]
+    fn a_canceled_factorisation_ends() {
+        let (problem, symbolic) = analyzed();
+        let progress = Progress::new();
+        progress.cancel();
+        let canceled = symbolic.factor(&problem.matrix, problem.shift, &progress);
+        assert_eq!(canceled.err(), Some(SpectrumError::Canceled(Canceled)));
     }
 }

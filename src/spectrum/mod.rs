@@ -9,6 +9,8 @@ pub mod chebyshev;
 pub mod cholesky;
 pub mod dense;
 pub mod eigenbasis;
+mod entry;
+mod factorization;
 pub mod general;
 pub mod invariant;
 pub mod lobpcg;
@@ -22,6 +24,7 @@ pub mod solver;
 mod sparse_product;
 pub mod start;
 mod substitution;
+mod supernodes;
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

@@ -11,7 +11,7 @@ use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
 
 /// Most pairs of a slice: fewer make more factorisations, more make larger Krylov spaces.
-const SLICE: usize = 120;
+pub const SLICE: usize = 120;
 
 /// Pairs from which on the spectrum is solved in slices.
 pub const SLICED_FROM: usize = 24;
@@ -34,7 +34,8 @@ pub struct Weyl {
 }
 
 impl Weyl {
-    fn eigenvalue(&self, index: f64) -> f64 {
+    /// The `index`-th non-zero eigenvalue.
+    pub(super) fn eigenvalue(&self, index: f64) -> f64 {
         let lambda = self.first * index.powf(2.0 / self.dimension as f64);
         self.t.map_or(lambda, |t| -(-t * lambda).exp_m1() / t)
     }
@@ -69,7 +70,7 @@ struct Cut<'a> {
 /// # Errors
 /// [`SpectrumError::Factorization`], [`SpectrumError::Canceled`].
 pub fn solve<'a>(
-    problem: &Problem,
+    problem: &'a Problem,
     symbolic: &'a Symbolic,
     mut weyl: Weyl,
     count: usize,
@@ -128,7 +129,7 @@ fn side_by_side(rows: usize, mut blocks: Vec<Block>) -> Block {
 
 /// A factor about in the middle of the slice of `width` eigenvalues from number `start` on; none when it cannot be found.
 fn cut<'a>(
-    problem: &Problem,
+    problem: &'a Problem,
     symbolic: &'a Symbolic,
     weyl: &mut Weyl,
     start: usize,
@@ -138,7 +139,7 @@ fn cut<'a>(
     for _ in 0..GUESSES {
         progress.checkpoint()?;
         let shift = weyl.eigenvalue(start as f64 + 0.5 * width);
-        if let Some(factor) = symbolic.factor_indefinite(&problem.matrix, -shift)? {
+        if let Some(factor) = symbolic.factor_indefinite(&problem.matrix, -shift, progress)? {
             let below = factor.negative_eigenvalues().saturating_sub(problem.zero_modes());
             *weyl = weyl.through(shift, below);
             if MIDDLE.contains(&((below as f64 - start as f64) / width)) {

@@ -29,9 +29,9 @@ pub const DENSE_POINTS_MAX: usize = 5_000;
 /// The same for operators without symmetry, which take 25 n³ operations.
 pub const DENSE_POINTS_MAX_GENERAL: usize = 1_500;
 
-/// Entries of the factor, per row and in all (1.3 GB), up to which a wide operator is factored too.
+/// Entries of the factor, per row and in all (1.6 GB in single precision), up to which a wide operator is factored too.
 const DIRECT_ENTRIES_PER_ROW: usize = 600;
-const DIRECT_ENTRIES: usize = 160_000_000;
+const DIRECT_ENTRIES: usize = 400_000_000;
 
 /// Entries of the factor, per row, up to which a second factorisation counts the eigenvalues below a bound.
 const INERTIA_ENTRIES_PER_ROW: usize = 200;
@@ -46,6 +46,13 @@ const GAPS_TRIED: usize = 9;
 /// needs fewer products.
 const POLYNOMIAL_ERROR: f64 = 0.8;
 const POLYNOMIAL_STEPS_MAX: usize = 10;
+
+/// Least tolerance for which factors in single precision are tried.
+const SINGLE_TOLERANCE: f64 = 1e-6;
+
+/// Distance of the shift from zero as a share of the largest eigenvalue wanted: factors in single precision are the better
+/// the larger it is, and Krylov spaces hardly take notice.
+const SHIFT_SHARE: f64 = 0.1;
 
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
 const GUARD_MIN: usize = 12;
@@ -137,11 +144,27 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
     let direct = match request.narrow {
         None => Some(analyze(&problem.matrix, request)?),
         Some(_) if problem.matrix.nonzeros() / n > 200 => None,
-        Some(_) => Some(analyze(&problem.matrix, request)?)
-            .filter(|s| s.factor_entries() <= DIRECT_ENTRIES.min(n * DIRECT_ENTRIES_PER_ROW)),
+        Some(_) => {
+            // slices take factors in double precision
+            let most = if count > slicing::SLICE { DIRECT_ENTRIES / 2 } else { DIRECT_ENTRIES };
+            Some(analyze(&problem.matrix, request)?)
+                .filter(|s| s.factor_entries() <= most.min(n * DIRECT_ENTRIES_PER_ROW))
+        }
     };
     match (direct, request.narrow) {
-        (Some(symbolic), _) => direct_solve(problem, &symbolic, request, progress),
+        (Some(symbolic), _) => {
+            if request.tolerance >= SINGLE_TOLERANCE {
+                match direct_solve(problem, &symbolic, request, Symbolic::factor, progress) {
+                    Ok(solution) if solution.certificates.residual <= request.tolerance => {
+                        return Ok(solution);
+                    }
+                    // single precision was not enough after all
+                    Ok(_) | Err(SpectrumError::NotConverged { .. }) => {}
+                    Err(error) => return Err(error),
+                }
+            }
+            direct_solve(problem, &symbolic, request, Symbolic::factor_double, progress)
+        }
         (None, Some(narrow)) => iterative_solve(problem, narrow, request, progress),
         (None, None) => Err(SpectrumError::Factorization("the operator has no narrow companion".into())),
     }
@@ -154,10 +177,14 @@ fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
     Symbolic::analyze(matrix, nested_dissection(matrix, &request.position))
 }
 
-fn direct_solve<P>(
-    problem: &Problem,
-    symbolic: &Symbolic,
+/// How a positive definite matrix is factored.
+type Definite<'a> = fn(&'a Symbolic, &'a Sparse, f64, &Progress) -> Result<Cholesky<'a>, SpectrumError>;
+
+fn direct_solve<'a, P>(
+    problem: &'a Problem,
+    symbolic: &'a Symbolic,
     request: &Request<'_, P>,
+    definite: Definite<'a>,
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
     progress.advance(0.2)?;
@@ -166,14 +193,18 @@ fn direct_solve<P>(
     let found = (wanted + 1).min(problem.size() - problem.zero_modes());
     let counts = symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size();
     progress.enter(Phase::Eigenpairs)?;
-    let sliced = match request.weyl.filter(|_| wanted >= slicing::SLICED_FROM) {
+    let expected = request.weyl.map_or(0.0, |weyl| weyl.eigenvalue(wanted as f64));
+    let shift = problem.shift.max(SHIFT_SHARE * expected);
+    // one slice of a wide operator is had from the end of the spectrum, where a factor in single precision is enough
+    let worthwhile = if counts { slicing::SLICED_FROM } else { slicing::SLICE + 1 };
+    let sliced = match request.weyl.filter(|_| wanted >= worthwhile) {
         Some(weyl) => slicing::solve(problem, symbolic, weyl, found, request.tolerance, progress)?,
         None => None,
     };
     let (mut pairs, mut factor) = if let Some((pairs, factor)) = sliced {
         (pairs, Some(factor))
     } else {
-        let factor = symbolic.factor(&problem.matrix, problem.shift)?;
+        let factor = definite(symbolic, &problem.matrix, shift, progress)?;
         let none = Block::zeros(problem.size(), 0);
         let whole = |share| share;
         let pairs = shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, whole)?;
@@ -189,7 +220,7 @@ fn direct_solve<P>(
             _ => {
                 // the count has a factor of its own: both at once would be the peak of the whole analysis
                 factor = None;
-                missed_by_inertia(problem, symbolic, &pairs.values)?
+                missed_by_inertia(problem, symbolic, &pairs.values, progress)?
             }
         };
         searches += 1;
@@ -197,7 +228,7 @@ fn direct_solve<P>(
             Some(more) if more > 0 && searches <= SEARCHES_MAX => {
                 progress.advance(f64::from(searches) / f64::from(SEARCHES_MAX + 1))?;
                 drop(factor.take());
-                let inverse = symbolic.factor(&problem.matrix, problem.shift)?;
+                let inverse = definite(symbolic, &problem.matrix, shift, progress)?;
                 pairs = with_missed(problem, &inverse, pairs, more, request.tolerance, progress)?;
                 pairs.truncate(found);
                 factor = Some(inverse);
@@ -237,11 +268,12 @@ fn missed_by_inertia(
     problem: &Problem,
     symbolic: &Symbolic,
     values: &[f64],
+    progress: &Progress,
 ) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
     let gaps = values.windows(2).enumerate().rev().filter(|(_, pair)| pair[1] - pair[0] >= 1e-4 * pair[1]);
     for (k, pair) in gaps.take(GAPS_TRIED) {
         let bound = 0.5 * (pair[0] + pair[1]);
-        if let Some(below) = symbolic.eigenvalues_below(&problem.matrix, bound)? {
+        if let Some(below) = symbolic.eigenvalues_below(&problem.matrix, bound, progress)? {
             let expected = problem.zero_modes() + k + 1;
             return Ok((Some(below.saturating_sub(expected)), MissedCheck::Inertia));
         }
@@ -257,7 +289,7 @@ fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
 ) -> Result<Solution, SpectrumError> {
     let symbolic = analyze(narrow, request)?;
     progress.advance(0.5)?;
-    let factor = symbolic.factor(narrow, problem.shift)?;
+    let factor = symbolic.factor(narrow, problem.shift, progress)?;
     progress.enter(Phase::Eigenpairs)?;
     let wanted = request.count - problem.zero_modes();
     let preconditioner = Preconditioner { factor: &factor, t: request.plateau.unwrap_or(0.0) };
@@ -344,7 +376,7 @@ fn general_iteration<'a, P: Fn(u32) -> &'a [f64]>(
     progress.enter(Phase::Factorization)?;
     let symbolic = analyze(narrow, request)?;
     progress.advance(0.5)?;
-    let factor = symbolic.factor(narrow, problem.shift)?;
+    let factor = symbolic.factor(narrow, problem.shift, progress)?;
     progress.enter(Phase::Eigenpairs)?;
     let zeros = problem.zero_modes();
     let guard = GUARD_MIN.max((GUARD_SHARE * request.count as f64) as usize);

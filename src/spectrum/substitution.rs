@@ -5,53 +5,172 @@
 
 #![expect(clippy::inline_always, reason = "functions of another instruction set are not inlined otherwise")]
 
-use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
+use std::marker::PhantomData;
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
 
-/// Most right-hand sides of one pass: the more, the fewer readings of the factor, as long as they stay in cache.
-pub(super) const WIDTH_MAX: usize = 16;
+use super::entry::Entry;
+use super::factorization::Factor;
+use super::supernodes::{Supernode, Supernodes};
 
-/// Widths are multiples of this, the longest vector of any processor.
-pub(super) const WIDTH_MIN: usize = 8;
+/// Right-hand sides of one pass: the more, the fewer readings of the factor, as long as they stay in cache. A multiple of
+/// the longest vector of any processor.
+pub(super) const WIDTH: usize = 16;
+
+/// Right-hand sides of a task where the factor cannot be divided: two can run side by side.
+const HALF_WIDTH: usize = 8;
 
 /// Columns of a supernode that are eliminated before the rest of it is brought up to date.
 const STRETCH: usize = 16;
 
-/// A factor's values, and the places of the negative signs in `L S Lᵀ`.
-#[derive(Clone, Copy)]
-pub(super) struct Signed<'a> {
-    pub(super) values: &'a [f64],
-    pub(super) negative: &'a [u32],
-}
-
-/// `X ← (L S Lᵀ)⁻¹ X`; `x` has `width` numbers for every row, in elimination order.
+/// `X ← (L S Lᵀ)⁻¹ X`; `x` has [`WIDTH`] numbers for every row, in elimination order.
 ///
-/// # Panics
-/// Unless `width` is [`WIDTH_MIN`] or [`WIDTH_MAX`].
-pub(super) fn solve(
-    symbolic: &SymbolicSupernodalCholesky<u32>,
-    factor: Signed<'_>,
-    x: &mut [f64],
-    width: usize,
-) {
-    assert!([WIDTH_MIN, WIDTH_MAX].contains(&width), "{width} right-hand sides are no whole vectors");
-    Arch::new().dispatch(Substitution { symbolic, factor, x, width });
+/// The parts of the order are tasks, each of which reads its part of the factor once; what they have in common is done
+/// by right-hand sides.
+pub(super) fn solve<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, x: &mut [T]) {
+    let rows_of = |rows: Range<usize>| rows.start * WIDTH..rows.end * WIDTH;
+    let top_rows = || nodes.top().iter().map(|&s| nodes.columns_of(&(s..s + 1)));
+    let in_parts = |x: &mut [T], direction: Direction, top: &[T]| -> Vec<Vec<T>> {
+        let mut rest = x;
+        let mut taken = 0;
+        let mut tasks = Vec::new();
+        for part in nodes.parts() {
+            let span = rows_of(nodes.columns_of(part));
+            let (own, after) = std::mem::take(&mut rest)[span.start - taken..].split_at_mut(span.len());
+            (rest, taken) = (after, span.end);
+            tasks.push((part.clone(), own));
+        }
+        let pass = |(part, x): (Range<usize>, &mut [T])| {
+            let first = Some(nodes.columns_of(&part).start);
+            let mut above = match direction {
+                Direction::Forward => vec![T::nearest(0.0); top.len()],
+                Direction::Backward => Vec::new(),
+            };
+            let stage = Stage { nodes, factor, first, width: WIDTH };
+            stage.run(part, direction, x, &mut above, top);
+            above
+        };
+        tasks.into_par_iter().with_max_len(1).map(pass).collect()
+    };
+    let mut top = vec![T::nearest(0.0); nodes.top_rows() * WIDTH];
+    // what the parts take from the rows that they have in common
+    let taken = in_parts(x, Direction::Forward, &top);
+    let mut to = 0;
+    for rows in top_rows().map(rows_of) {
+        top[to..to + rows.len()].copy_from_slice(&x[rows.clone()]);
+        to += rows.len();
+    }
+    for taken in taken {
+        top.iter_mut().zip(taken).for_each(|(x, t)| *x += t);
+    }
+    solve_top(nodes, factor, &mut top);
+    in_parts(x, Direction::Backward, &top);
+    let mut from = 0;
+    for rows in top_rows().map(rows_of) {
+        x[rows.clone()].copy_from_slice(&top[from..from + rows.len()]);
+        from += rows.len();
+    }
 }
 
-struct Substitution<'a> {
-    symbolic: &'a SymbolicSupernodalCholesky<u32>,
-    factor: Signed<'a>,
-    x: &'a mut [f64],
+/// Forward and back through the supernodes in none of the parts.
+fn solve_top<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, top: &mut [T]) {
+    let width = HALF_WIDTH.max(Arch::new().dispatch(LanesOf::<T>(PhantomData)));
+    let groups: Vec<usize> = (0..WIDTH).step_by(width).collect();
+    let source = &*top;
+    let pass = |&group: &usize| {
+        let mut x: Vec<T> =
+            source.chunks_exact(WIDTH).flat_map(|row| &row[group..group + width]).copied().collect();
+        let stage = Stage { nodes, factor, first: None, width };
+        for direction in [Direction::Forward, Direction::Backward] {
+            stage.run(nodes.top().iter().copied(), direction, &mut x, &mut [], &[]);
+        }
+        x
+    };
+    let solved: Vec<Vec<T>> = groups.par_iter().with_max_len(1).map(pass).collect();
+    for (group, solved) in groups.iter().zip(&solved) {
+        for (row, x) in top.chunks_exact_mut(WIDTH).zip(solved.chunks_exact(width)) {
+            row[*group..group + width].copy_from_slice(x);
+        }
+    }
+}
+
+/// Numbers of a vector of this processor.
+struct LanesOf<T>(PhantomData<T>);
+
+impl<T: Entry> WithSimd for LanesOf<T> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        T::lanes::<S>()
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Direction {
+    /// `X ← S L⁻¹ X`.
+    Forward,
+    /// `X ← L⁻ᵀ X`.
+    Backward,
+}
+
+/// Some supernodes' share of a substitution.
+struct Stage<'a, T> {
+    nodes: &'a Supernodes,
+    factor: &'a Factor<T>,
+    /// First row of the part, or none for the supernodes in none of them.
+    first: Option<usize>,
     width: usize,
 }
 
-impl WithSimd for Substitution<'_> {
+impl<T: Entry> Stage<'_, T> {
+    /// `x` are the rows of these supernodes. Forward, what they take from the rows that all parts have in common is
+    /// added to `above`; backward, `top` are these rows, solved.
+    fn run(
+        &self,
+        supernodes: impl DoubleEndedIterator<Item = usize>,
+        direction: Direction,
+        x: &mut [T],
+        above: &mut [T],
+        top: &[T],
+    ) {
+        Arch::new().dispatch(Pass { stage: self, supernodes, direction, x, above, top });
+    }
+
+    /// Where row `row` of the matrix is in `x`.
+    #[inline(always)]
+    fn place(&self, row: usize) -> usize {
+        self.first.map_or_else(|| self.nodes.top_place(row), |first| row - first)
+    }
+
+    /// Rows below a supernode's own that are in `x` too.
+    #[inline(always)]
+    fn rows_in(&self, below: &[u32], rows: usize) -> usize {
+        match self.first {
+            Some(first) => below.partition_point(|&row| (row as usize) < first + rows),
+            None => below.len(),
+        }
+    }
+}
+
+struct Pass<'a, T, I> {
+    stage: &'a Stage<'a, T>,
+    supernodes: I,
+    direction: Direction,
+    x: &'a mut [T],
+    above: &'a mut [T],
+    top: &'a [T],
+}
+
+impl<T: Entry, I: DoubleEndedIterator<Item = usize>> WithSimd for Pass<'_, T, I> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         // as many sums as hide the latency of an addition, and fit the registers: 32 with the longest vectors, else 16
-        match (S::F64_LANES, self.width / S::F64_LANES) {
+        match (S::F64_LANES, self.stage.width / T::lanes::<S>()) {
             (_, 1) => self.tiled::<S, 8, 1>(simd),
             (8, _) => self.tiled::<S, 8, 2>(simd),
             _ => self.tiled::<S, 4, 2>(simd),
@@ -59,23 +178,27 @@ impl WithSimd for Substitution<'_> {
     }
 }
 
-impl Substitution<'_> {
+impl<T: Entry, I: DoubleEndedIterator<Item = usize>> Pass<'_, T, I> {
     /// By tiles of `TILE` rows, or columns, of the factor times `PANEL` vectors of right-hand sides.
     #[inline(always)]
     fn tiled<S: Simd, const TILE: usize, const PANEL: usize>(self, simd: S) {
-        let (x, _) = S::as_mut_simd_f64s(self.x);
-        let lanes = Lanes { simd, v: self.width / S::F64_LANES };
-        let nodes = self.symbolic.n_supernodes();
-        for s in 0..nodes {
-            forward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor.values, s), x);
-        }
-        for &place in self.factor.negative {
-            for x in &mut x[place as usize * lanes.v..][..lanes.v] {
-                *x = simd.neg_f64s(*x);
+        let Self { stage, supernodes, direction, x, above, top } = self;
+        let x = T::vectors_mut::<S>(x);
+        let above = T::vectors_mut::<S>(above);
+        let top = T::vectors::<S>(top);
+        let lanes = Lanes { simd, v: stage.width / T::lanes::<S>() };
+        // loops, for closures passed on would lose the instruction set
+        match direction {
+            Direction::Forward => {
+                for s in supernodes {
+                    forward::<T, S, TILE, PANEL>(lanes, stage, s, x, above);
+                }
             }
-        }
-        for s in (0..nodes).rev() {
-            backward::<S, TILE, PANEL>(lanes, &Supernode::of(self.symbolic, self.factor.values, s), x);
+            Direction::Backward => {
+                for s in supernodes.rev() {
+                    backward::<T, S, TILE, PANEL>(lanes, stage, s, x, top);
+                }
+            }
         }
     }
 }
@@ -87,120 +210,107 @@ struct Lanes<S> {
     v: usize,
 }
 
-/// Some consecutive columns of the factor that share the rows of their entries.
-struct Supernode<'a> {
-    /// First of its columns.
-    start: usize,
-    /// Number of its columns.
-    width: usize,
-    /// Rows of the entries below its own columns.
-    below: &'a [u32],
-    /// Entries of its own columns, then those below, column by column.
-    values: &'a [f64],
+/// A supernode and its entries.
+struct Entries<'a, T> {
+    node: Supernode<'a>,
+    values: &'a [T],
 }
 
-impl<'a> Supernode<'a> {
-    fn of(symbolic: &'a SymbolicSupernodalCholesky<u32>, factor: &'a [f64], s: usize) -> Self {
-        let span = |bounds: &[u32]| bounds[s] as usize..bounds[s + 1] as usize;
-        let start = symbolic.supernode_begin()[s] as usize;
-        let below = &symbolic.row_idx()[symbolic.col_ptr_for_row_idx()[s] as usize..];
-        Self {
-            start,
-            width: symbolic.supernode_end()[s] as usize - start,
-            below: &below[..symbolic.nnz_per_super()[s] as usize],
-            values: &factor[span(symbolic.col_ptr_for_val())],
-        }
-    }
-
-    fn end(&self) -> usize {
-        self.start + self.width
+impl<'a, T> Entries<'a, T> {
+    fn of(nodes: &'a Supernodes, factor: &'a Factor<T>, s: usize) -> Self {
+        Self { node: nodes.node(s), values: &factor.values[nodes.values(s)] }
     }
 
     /// Entries of its `k`-th column.
     #[inline(always)]
-    fn column(&self, k: usize) -> &'a [f64] {
-        let height = self.width + self.below.len();
+    fn column(&self, k: usize) -> &'a [T] {
+        let height = self.node.height();
         &self.values[k * height..(k + 1) * height]
     }
 }
 
 /// Eliminates the columns of a supernode from the rows after them.
 #[inline(always)]
-fn forward<S: Simd, const TILE: usize, const PANEL: usize>(
+fn forward<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
-    node: &Supernode<'_>,
-    x: &mut [S::f64s],
+    stage: &Stage<'_, T>,
+    s: usize,
+    x: &mut [T::Vector<S>],
+    above: &mut [T::Vector<S>],
 ) {
     let Lanes { simd, v } = lanes;
-    let (head, below) = x.split_at_mut(node.end() * v);
-    let own = &mut head[node.start * v..];
-    for first in (0..node.width).step_by(STRETCH) {
-        let end = node.width.min(first + STRETCH);
+    let entries = &Entries::of(stage.nodes, stage.factor, s);
+    let Supernode { start, width, below } = entries.node;
+    let inside = width + stage.rows_in(below, x.len() / v);
+    let first_row = stage.place(start);
+    let (head, rest) = x.split_at_mut((first_row + width) * v);
+    let own = &mut head[first_row * v..];
+    for first in (0..width).step_by(STRETCH) {
+        let end = width.min(first + STRETCH);
         for j in first..end {
-            let column = node.column(j);
+            let column = entries.column(j);
             let (solved, rest) = own.split_at_mut((j + 1) * v);
             let pivot = &mut solved[j * v..];
-            let inverse = simd.splat_f64s(1.0 / column[j]);
+            let inverse = T::splat(simd, T::nearest(1.0 / column[j].into()));
             for x in pivot.iter_mut() {
-                *x = simd.mul_f64s(inverse, *x);
+                *x = T::times(simd, inverse, *x);
             }
             for (row, &l) in rest.chunks_exact_mut(v).zip(&column[j + 1..end]) {
-                let l = simd.splat_f64s(-l);
+                let l = T::splat(simd, -l);
                 for (x, p) in row.iter_mut().zip(&*pivot) {
-                    *x = simd.mul_add_f64s(l, *p, *x);
+                    *x = T::mul_add(simd, l, *p, *x);
                 }
             }
         }
         let (solved, rest) = own.split_at_mut(end * v);
-        subtract::<S, TILE, PANEL>(
-            lanes,
-            node,
-            first..end,
-            &solved[first * v..],
-            end..node.width,
-            rest,
-            |i| i - end,
-        );
+        let (columns, solved) = (first..end, &solved[first * v..]);
+        subtract::<T, S, TILE, PANEL>(lanes, entries, columns, solved, end..width, rest, |i| i - end);
     }
-    let places = |i: usize| node.below[i - node.width] as usize - node.end();
-    subtract::<S, TILE, PANEL>(
-        lanes,
-        node,
-        0..node.width,
-        own,
-        node.width..node.width + node.below.len(),
-        below,
-        places,
-    );
+    let place = |i: usize| stage.place(below[i - width] as usize) - first_row - width;
+    subtract::<T, S, TILE, PANEL>(lanes, entries, 0..width, own, width..inside, rest, place);
+    let place = |i: usize| stage.nodes.top_place(below[i - width] as usize);
+    subtract::<T, S, TILE, PANEL>(lanes, entries, 0..width, own, inside..width + below.len(), above, place);
+    let negative = &stage.factor.negative;
+    let first = negative.partition_point(|&place| (place as usize) < start);
+    for &place in negative[first..].iter().take_while(|&&place| (place as usize) < start + width) {
+        for x in &mut own[(place as usize - start) * v..][..v] {
+            *x = T::negated(simd, *x);
+        }
+    }
 }
 
 /// `sum += l x`.
 #[inline(always)]
-fn add<S: Simd, const PANEL: usize>(simd: S, sum: &mut [S::f64s; PANEL], l: f64, x: &[S::f64s]) {
-    let l = simd.splat_f64s(l);
+fn add<T: Entry, S: Simd, const PANEL: usize>(
+    simd: S,
+    sum: &mut [T::Vector<S>; PANEL],
+    l: T,
+    x: &[T::Vector<S>],
+) {
+    let l = T::splat(simd, l);
     for (sum, x) in sum.iter_mut().zip(x) {
-        *sum = simd.mul_add_f64s(l, *x, *sum);
+        *sum = T::mul_add(simd, l, *x, *sum);
     }
 }
 
 /// `target[place(i)] −= Σ L[i, k] · solved[k]` over the columns `columns`, for the rows `rows` of a supernode.
 #[inline(always)]
-fn subtract<S: Simd, const TILE: usize, const PANEL: usize>(
+fn subtract<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
-    node: &Supernode<'_>,
-    columns: std::ops::Range<usize>,
-    solved: &[S::f64s],
-    rows: std::ops::Range<usize>,
-    target: &mut [S::f64s],
+    factor: &Entries<'_, T>,
+    columns: Range<usize>,
+    solved: &[T::Vector<S>],
+    rows: Range<usize>,
+    target: &mut [T::Vector<S>],
     place: impl Fn(usize) -> usize,
 ) {
     let Lanes { simd, v } = lanes;
     let mut i = rows.start;
     while i + TILE <= rows.end {
         for panel in (0..v).step_by(PANEL) {
-            let mut sums = [[simd.splat_f64s(0.0); PANEL]; TILE];
+            let mut sums = [[T::splat(simd, T::nearest(0.0)); PANEL]; TILE];
             for (k, x) in columns.clone().zip(solved.chunks_exact(v)) {
-                let entries = &node.column(k)[i..i + TILE];
+                let entries = &factor.column(k)[i..i + TILE];
                 for (sum, &l) in sums.iter_mut().zip(entries) {
                     add(simd, sum, l, &x[panel..panel + PANEL]);
                 }
@@ -208,7 +318,7 @@ fn subtract<S: Simd, const TILE: usize, const PANEL: usize>(
             for (r, sum) in sums.iter().enumerate() {
                 let row = &mut target[place(i + r) * v + panel..][..PANEL];
                 for (x, s) in row.iter_mut().zip(sum) {
-                    *x = simd.sub_f64s(*x, *s);
+                    *x = T::minus(simd, *x, *s);
                 }
             }
         }
@@ -217,9 +327,9 @@ fn subtract<S: Simd, const TILE: usize, const PANEL: usize>(
     for i in i..rows.end {
         for panel in (0..v).step_by(PANEL) {
             let row = &mut target[place(i) * v + panel..][..PANEL];
-            let mut sum: [S::f64s; PANEL] = std::array::from_fn(|p| row[p]);
+            let mut sum: [T::Vector<S>; PANEL] = std::array::from_fn(|p| row[p]);
             for (k, x) in columns.clone().zip(solved.chunks_exact(v)) {
-                add(simd, &mut sum, -node.column(k)[i], &x[panel..panel + PANEL]);
+                add(simd, &mut sum, -factor.column(k)[i], &x[panel..panel + PANEL]);
             }
             row.copy_from_slice(&sum);
         }
@@ -228,44 +338,46 @@ fn subtract<S: Simd, const TILE: usize, const PANEL: usize>(
 
 /// Solves for the rows of a supernode, given those after them.
 #[inline(always)]
-fn backward<S: Simd, const TILE: usize, const PANEL: usize>(
+fn backward<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
-    node: &Supernode<'_>,
-    x: &mut [S::f64s],
+    stage: &Stage<'_, T>,
+    s: usize,
+    x: &mut [T::Vector<S>],
+    top: &[T::Vector<S>],
 ) {
     let Lanes { simd, v } = lanes;
-    let (head, below) = x.split_at_mut(node.end() * v);
-    let own = &mut head[node.start * v..];
-    let places = |i: usize| node.below[i - node.width] as usize - node.end();
-    subtract_transposed::<S, TILE, PANEL>(
-        lanes,
-        node,
-        0..node.width,
-        own,
-        node.width..node.width + node.below.len(),
-        below,
-        places,
-    );
-    for first in (0..node.width).step_by(STRETCH).rev() {
-        let end = node.width.min(first + STRETCH);
+    let entries = &Entries::of(stage.nodes, stage.factor, s);
+    let Supernode { start, width, below } = entries.node;
+    let inside = width + stage.rows_in(below, x.len() / v);
+    let first_row = stage.place(start);
+    let (head, rest) = x.split_at_mut((first_row + width) * v);
+    let own = &mut head[first_row * v..];
+    let place = |i: usize| stage.place(below[i - width] as usize) - first_row - width;
+    subtract_transposed::<T, S, TILE, PANEL>(lanes, entries, 0..width, own, width..inside, rest, place);
+    let place = |i: usize| stage.nodes.top_place(below[i - width] as usize);
+    let outside = inside..width + below.len();
+    subtract_transposed::<T, S, TILE, PANEL>(lanes, entries, 0..width, own, outside, top, place);
+    for first in (0..width).step_by(STRETCH).rev() {
+        let end = width.min(first + STRETCH);
         let (part, solved) = own.split_at_mut(end * v);
         let part = &mut part[first * v..];
-        subtract_transposed::<S, TILE, PANEL>(lanes, node, first..end, part, end..node.width, solved, |i| {
+        let columns = first..end;
+        subtract_transposed::<T, S, TILE, PANEL>(lanes, entries, columns, part, end..width, solved, |i| {
             i - end
         });
         for j in (first..end).rev() {
-            let column = node.column(j);
+            let column = entries.column(j);
             let (before, solved) = part.split_at_mut((j + 1 - first) * v);
             let pivot = &mut before[(j - first) * v..];
             for (row, &l) in solved.chunks_exact(v).zip(&column[j + 1..end]) {
-                let l = simd.splat_f64s(-l);
+                let l = T::splat(simd, -l);
                 for (p, x) in pivot.iter_mut().zip(row) {
-                    *p = simd.mul_add_f64s(l, *x, *p);
+                    *p = T::mul_add(simd, l, *x, *p);
                 }
             }
-            let inverse = simd.splat_f64s(1.0 / column[j]);
+            let inverse = T::splat(simd, T::nearest(1.0 / column[j].into()));
             for x in pivot.iter_mut() {
-                *x = simd.mul_f64s(inverse, *x);
+                *x = T::times(simd, inverse, *x);
             }
         }
     }
@@ -273,22 +385,22 @@ fn backward<S: Simd, const TILE: usize, const PANEL: usize>(
 
 /// `target[k] −= Σ L[i, k] · solved[place(i)]` over the rows `rows`, for the columns `columns` of a supernode.
 #[inline(always)]
-fn subtract_transposed<S: Simd, const TILE: usize, const PANEL: usize>(
+fn subtract_transposed<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
-    node: &Supernode<'_>,
-    columns: std::ops::Range<usize>,
-    target: &mut [S::f64s],
-    rows: std::ops::Range<usize>,
-    solved: &[S::f64s],
+    factor: &Entries<'_, T>,
+    columns: Range<usize>,
+    target: &mut [T::Vector<S>],
+    rows: Range<usize>,
+    solved: &[T::Vector<S>],
     place: impl Fn(usize) -> usize,
 ) {
     let Lanes { simd, v } = lanes;
     let mut tiles = target.chunks_exact_mut(TILE * v);
     let mut k = columns.start;
     for tile in &mut tiles {
-        let entries: [&[f64]; TILE] = std::array::from_fn(|c| &node.column(k + c)[rows.clone()]);
+        let entries: [&[T]; TILE] = std::array::from_fn(|c| &factor.column(k + c)[rows.clone()]);
         for panel in (0..v).step_by(PANEL) {
-            let mut sums = [[simd.splat_f64s(0.0); PANEL]; TILE];
+            let mut sums = [[T::splat(simd, T::nearest(0.0)); PANEL]; TILE];
             for (n, i) in rows.clone().enumerate() {
                 let x = &solved[place(i) * v + panel..][..PANEL];
                 for (sum, entries) in sums.iter_mut().zip(&entries) {
@@ -298,17 +410,17 @@ fn subtract_transposed<S: Simd, const TILE: usize, const PANEL: usize>(
             for (row, sum) in tile.chunks_exact_mut(v).zip(&sums) {
                 let row = &mut row[panel..panel + PANEL];
                 for (x, s) in row.iter_mut().zip(sum) {
-                    *x = simd.sub_f64s(*x, *s);
+                    *x = T::minus(simd, *x, *s);
                 }
             }
         }
         k += TILE;
     }
     for (k, row) in (k..columns.end).zip(tiles.into_remainder().chunks_exact_mut(v)) {
-        let entries = &node.column(k)[rows.clone()];
+        let entries = &factor.column(k)[rows.clone()];
         for panel in (0..v).step_by(PANEL) {
             let row = &mut row[panel..panel + PANEL];
-            let mut sum: [S::f64s; PANEL] = std::array::from_fn(|p| row[p]);
+            let mut sum: [T::Vector<S>; PANEL] = std::array::from_fn(|p| row[p]);
             for (&l, i) in entries.iter().zip(rows.clone()) {
                 add(simd, &mut sum, -l, &solved[place(i) * v + panel..][..PANEL]);
             }
@@ -320,6 +432,7 @@ fn subtract_transposed<S: Simd, const TILE: usize, const PANEL: usize>(
 #[cfg(test)]
 mod tests {
     use crate::operator::Sparse;
+    use crate::progress::Progress;
     use crate::spectrum::block::Block;
     use crate::spectrum::cholesky::Symbolic;
     use crate::spectrum::sparse_product::sparse_product;
@@ -340,13 +453,13 @@ mod tests {
     fn solutions_satisfy_their_equations_for_any_number_of_right_hand_sides() {
         for (n, reach) in [(5, 1), (40, 19), (123, 30), (700, 2), (700, 45)] {
             let matrix = ring(n, reach);
-            let symbolic = Symbolic::analyze(&matrix, (0..n as u32).rev().collect()).unwrap();
-            let factor = symbolic.factor(&matrix, 0.5).unwrap();
+            let symbolic = Symbolic::analyze(&matrix, (0..n as u32).rev().collect::<Vec<_>>()).unwrap();
+            let factor = symbolic.factor(&matrix, 0.5, &Progress::new()).unwrap();
             for columns in [1, 8, 13, 16, 17, 40] {
                 let mut b = Block::zeros(n, columns);
                 start::fill(&mut b, 0);
                 let mut x = b.clone();
-                factor.solve(&mut x);
+                factor.solve_to(&mut x, 1e-12);
                 let mut product = Block::zeros(n, columns);
                 sparse_product(&mut product, &matrix, &x);
                 for i in 0..n {
