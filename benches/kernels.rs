@@ -67,9 +67,9 @@ fn solves(criterion: &mut Criterion) {
     group.bench_function("nested dissection", |b| b.iter(order));
     let symbolic = Symbolic::analyze(&problem.matrix, order()).expect("it has a factor");
     group.bench_function("factorization", |b| {
-        b.iter(|| symbolic.factor(&problem.matrix, problem.shift, progress))
+        b.iter(|| symbolic.factor(&problem.matrix, problem.shift, &Progress::new()));
     });
-    let factor = symbolic.factor(&problem.matrix, problem.shift, progress).expect("it has a factor");
+    let factor = symbolic.factor(&problem.matrix, problem.shift, &Progress::new()).expect("it has a factor");
     for columns in [16, 64] {
         let mut block = Block::zeros(POINTS, columns);
         start::fill(&mut block, 0);

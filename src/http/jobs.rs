@@ -96,7 +96,8 @@ pub(crate) struct JobView {
     state: JobState,
     /// The phase it is in or ended in; null before its first attempt.
     phase: Option<Phase>,
-    /// Share of the work that is done, 0 to 1; it never decreases within an attempt.
+    /// Share of the work that is done, 0 to 1; it never decreases within an attempt. Where the computation reports nothing
+    /// for a second it is extrapolated, never beyond its phase.
     progress: f64,
     /// Estimated seconds to the end; null when there is nothing to go by.
     eta_seconds: Option<f64>,

@@ -13,7 +13,7 @@ use super::order::nested_dissection;
 use super::probe::{self, Towards};
 use super::shift_invert::{Nearest, Shifted, rayleigh_ritz, ritz_vectors};
 use super::slicing::{self, Weyl};
-use super::{Eigenpairs, Problem, SpectrumError, dense, invariant, shift_invert};
+use super::{Eigenpairs, Problem, SpectrumError, dense, direct, invariant, shift_invert};
 use crate::operator::{Sparse, Structure};
 use crate::progress::{Phase, Progress};
 
@@ -33,26 +33,10 @@ pub const DENSE_POINTS_MAX_GENERAL: usize = 1_500;
 const DIRECT_ENTRIES_PER_ROW: usize = 600;
 const DIRECT_ENTRIES: usize = 400_000_000;
 
-/// Entries of the factor, per row, up to which a second factorisation counts the eigenvalues below a bound.
-const INERTIA_ENTRIES_PER_ROW: usize = 200;
-
-/// Searches for eigenvalues that were missed, before the answer says that some are.
-const SEARCHES_MAX: u32 = 30;
-
-/// Gaps at which the count of eigenvalues is tried: a factorisation at each.
-const GAPS_TRIED: usize = 9;
-
 /// Error of the inverse as a polynomial, as a share of the tolerance, and the most steps that it may take: beyond, LOBPCG
 /// needs fewer products.
 const POLYNOMIAL_ERROR: f64 = 0.8;
 const POLYNOMIAL_STEPS_MAX: usize = 10;
-
-/// Least tolerance for which factors in single precision are tried.
-const SINGLE_TOLERANCE: f64 = 1e-6;
-
-/// Distance of the shift from zero as a share of the largest eigenvalue wanted: factors in single precision are the better
-/// the larger it is, and Krylov spaces hardly take notice.
-const SHIFT_SHARE: f64 = 0.1;
 
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
 const GUARD_MIN: usize = 12;
@@ -152,19 +136,7 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
         }
     };
     match (direct, request.narrow) {
-        (Some(symbolic), _) => {
-            if request.tolerance >= SINGLE_TOLERANCE {
-                match direct_solve(problem, &symbolic, request, Symbolic::factor, progress) {
-                    Ok(solution) if solution.certificates.residual <= request.tolerance => {
-                        return Ok(solution);
-                    }
-                    // single precision was not enough after all
-                    Ok(_) | Err(SpectrumError::NotConverged { .. }) => {}
-                    Err(error) => return Err(error),
-                }
-            }
-            direct_solve(problem, &symbolic, request, Symbolic::factor_double, progress)
-        }
+        (Some(symbolic), _) => direct::solve(problem, &symbolic, request, progress),
         (None, Some(narrow)) => iterative_solve(problem, narrow, request, progress),
         (None, None) => Err(SpectrumError::Factorization("the operator has no narrow companion".into())),
     }
@@ -175,110 +147,6 @@ fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
     request: &Request<'_, P>,
 ) -> Result<Symbolic, SpectrumError> {
     Symbolic::analyze(matrix, nested_dissection(matrix, &request.position))
-}
-
-/// How a positive definite matrix is factored.
-type Definite<'a> = fn(&'a Symbolic, &'a Sparse, f64, &Progress) -> Result<Cholesky<'a>, SpectrumError>;
-
-fn direct_solve<'a, P>(
-    problem: &'a Problem,
-    symbolic: &'a Symbolic,
-    request: &Request<'_, P>,
-    definite: Definite<'a>,
-    progress: &Progress,
-) -> Result<Solution, SpectrumError> {
-    progress.advance(0.2)?;
-    let wanted = request.count - problem.zero_modes();
-    // one more, so that the count below is taken in a gap
-    let found = (wanted + 1).min(problem.size() - problem.zero_modes());
-    let counts = symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size();
-    progress.enter(Phase::Eigenpairs)?;
-    let expected = request.weyl.map_or(0.0, |weyl| weyl.eigenvalue(wanted as f64));
-    let shift = problem.shift.max(SHIFT_SHARE * expected);
-    // one slice of a wide operator is had from the end of the spectrum, where a factor in single precision is enough
-    let worthwhile = if counts { slicing::SLICED_FROM } else { slicing::SLICE + 1 };
-    let sliced = match request.weyl.filter(|_| wanted >= worthwhile) {
-        Some(weyl) => slicing::solve(problem, symbolic, weyl, found, request.tolerance, progress)?,
-        None => None,
-    };
-    let (mut pairs, mut factor) = if let Some((pairs, factor)) = sliced {
-        (pairs, Some(factor))
-    } else {
-        let factor = definite(symbolic, &problem.matrix, shift, progress)?;
-        let none = Block::zeros(problem.size(), 0);
-        let whole = |share| share;
-        let pairs = shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, whole)?;
-        (pairs, Some(factor))
-    };
-    progress.enter(Phase::Certificates)?;
-    let mut searches = 0;
-    let missed = loop {
-        let missed = match &factor {
-            Some(factor) if !counts => {
-                missed_by_probe(problem, &Towards::Inverse(factor), &pairs, wanted, progress)?
-            }
-            _ => {
-                // the count has a factor of its own: both at once would be the peak of the whole analysis
-                factor = None;
-                missed_by_inertia(problem, symbolic, &pairs.values, progress)?
-            }
-        };
-        searches += 1;
-        match missed.0 {
-            Some(more) if more > 0 && searches <= SEARCHES_MAX => {
-                progress.advance(f64::from(searches) / f64::from(SEARCHES_MAX + 1))?;
-                drop(factor.take());
-                let inverse = definite(symbolic, &problem.matrix, shift, progress)?;
-                pairs = with_missed(problem, &inverse, pairs, more, request.tolerance, progress)?;
-                pairs.truncate(found);
-                factor = Some(inverse);
-            }
-            _ => break missed,
-        }
-    };
-    pairs.values.truncate(wanted);
-    let pairs = with_null_space(problem, Some(&pairs), request.count);
-    Ok(certified(problem, pairs, request, Method::ShiftInvert, missed))
-}
-
-/// The pairs with `more` others, searched for in the space that they leave: blocks find so many of a multiple eigenvalue
-/// at a time.
-fn with_missed(
-    problem: &Problem,
-    factor: &Cholesky<'_>,
-    pairs: Eigenpairs,
-    more: usize,
-    tolerance: f64,
-    progress: &Progress,
-) -> Result<Eigenpairs, SpectrumError> {
-    let known = pairs.vectors.columns();
-    let more = more.min(problem.size() - problem.zero_modes() - known);
-    let others = shift_invert::solve(problem, factor, &pairs.vectors, more, tolerance, progress, |_| 0.0)?;
-    let mut all = Block::zeros(problem.size(), known + more);
-    all.copy_columns(0, &pairs.vectors, 0, known);
-    drop(pairs);
-    all.copy_columns(known, &others.vectors, 0, more);
-    drop(others);
-    shift_invert::rayleigh_ritz(problem, all)
-}
-
-/// Counts the eigenvalues below the last gap between found ones: in a cluster at the end, of which only a part was asked
-/// for, nothing counts as missed.
-fn missed_by_inertia(
-    problem: &Problem,
-    symbolic: &Symbolic,
-    values: &[f64],
-    progress: &Progress,
-) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
-    let gaps = values.windows(2).enumerate().rev().filter(|(_, pair)| pair[1] - pair[0] >= 1e-4 * pair[1]);
-    for (k, pair) in gaps.take(GAPS_TRIED) {
-        let bound = 0.5 * (pair[0] + pair[1]);
-        if let Some(below) = symbolic.eigenvalues_below(&problem.matrix, bound, progress)? {
-            let expected = problem.zero_modes() + k + 1;
-            return Ok((Some(below.saturating_sub(expected)), MissedCheck::Inertia));
-        }
-    }
-    Ok((None, MissedCheck::None))
 }
 
 fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
@@ -406,7 +274,7 @@ fn narrow_vectors(
     Ok(pairs.vectors)
 }
 
-fn missed_by_probe(
+pub(super) fn missed_by_probe(
     problem: &Problem,
     towards: &Towards<'_>,
     pairs: &Eigenpairs,
@@ -419,7 +287,7 @@ fn missed_by_probe(
 }
 
 /// Null vectors first, then the pairs found beside them.
-fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, count: usize) -> Eigenpairs {
+pub(super) fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, count: usize) -> Eigenpairs {
     let zeros = problem.zero_modes().min(count);
     let mut vectors = Block::zeros(problem.size(), count);
     problem.write_null_vectors(&mut vectors, zeros);
@@ -431,7 +299,7 @@ fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, count: usize) 
     Eigenpairs::real(values, vectors)
 }
 
-fn certified<P>(
+pub(super) fn certified<P>(
     problem: &Problem,
     pairs: Eigenpairs,
     request: &Request<'_, P>,

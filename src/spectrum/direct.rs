@@ -1,0 +1,151 @@
+//! Operators of which the factor fits: pairs by inverse iteration, counted or probed for what was missed.
+
+use super::block::Block;
+use super::certificates::MissedCheck;
+use super::cholesky::{Cholesky, Symbolic};
+use super::probe::Towards;
+use super::solver::{Method, Request, Solution, certified, missed_by_probe, with_null_space};
+use super::{Eigenpairs, Problem, SpectrumError, shift_invert, slicing};
+use crate::operator::Sparse;
+use crate::progress::{Phase, Progress};
+
+/// Entries of the factor, per row, up to which a second factorisation counts the eigenvalues below a bound.
+const INERTIA_ENTRIES_PER_ROW: usize = 200;
+
+/// Searches for eigenvalues that were missed, before the answer says that some are.
+const SEARCHES_MAX: u32 = 30;
+
+/// Gaps at which the count of eigenvalues is tried: a factorisation at each.
+const GAPS_TRIED: usize = 9;
+
+/// Least tolerance for which factors in single precision are tried.
+const SINGLE_TOLERANCE: f64 = 1e-6;
+
+/// Distance of the shift from zero as a share of the largest eigenvalue wanted: factors in single precision are the better
+/// the larger it is, and Krylov spaces hardly take notice.
+const SHIFT_SHARE: f64 = 0.1;
+
+/// The smallest eigenpairs, from factors in single precision where these reach the tolerance.
+///
+/// # Errors
+/// [`SpectrumError`].
+pub(super) fn solve<P>(
+    problem: &Problem,
+    symbolic: &Symbolic,
+    request: &Request<'_, P>,
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    if request.tolerance >= SINGLE_TOLERANCE {
+        match solve_with(problem, symbolic, request, Symbolic::factor, progress) {
+            Ok(solution) if solution.certificates.residual <= request.tolerance => return Ok(solution),
+            // single precision was not enough after all
+            Ok(_) | Err(SpectrumError::NotConverged { .. }) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    solve_with(problem, symbolic, request, Symbolic::factor_double, progress)
+}
+
+/// How a positive definite matrix is factored.
+type Definite<'a> = fn(&'a Symbolic, &'a Sparse, f64, &Progress) -> Result<Cholesky<'a>, SpectrumError>;
+
+fn solve_with<'a, P>(
+    problem: &'a Problem,
+    symbolic: &'a Symbolic,
+    request: &Request<'_, P>,
+    definite: Definite<'a>,
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    progress.advance(0.2)?;
+    let wanted = request.count - problem.zero_modes();
+    // one more, so that the count below is taken in a gap
+    let found = (wanted + 1).min(problem.size() - problem.zero_modes());
+    let counts = symbolic.factor_entries() <= INERTIA_ENTRIES_PER_ROW * problem.size();
+    progress.enter(Phase::Eigenpairs)?;
+    let expected = request.weyl.map_or(0.0, |weyl| weyl.eigenvalue(wanted as f64));
+    let shift = problem.shift.max(SHIFT_SHARE * expected);
+    // one slice of a wide operator is had from the end of the spectrum, where a factor in single precision is enough
+    let worthwhile = if counts { slicing::SLICED_FROM } else { slicing::SLICE + 1 };
+    let sliced = match request.weyl.filter(|_| wanted >= worthwhile) {
+        Some(weyl) => slicing::solve(problem, symbolic, weyl, found, request.tolerance, progress)?,
+        None => None,
+    };
+    let (mut pairs, mut factor) = if let Some((pairs, factor)) = sliced {
+        (pairs, Some(factor))
+    } else {
+        let factor = definite(symbolic, &problem.matrix, shift, progress)?;
+        let none = Block::zeros(problem.size(), 0);
+        let whole = |share| share;
+        let pairs = shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, whole)?;
+        (pairs, Some(factor))
+    };
+    progress.enter(Phase::Certificates)?;
+    let mut searches = 0;
+    let missed = loop {
+        let missed = match &factor {
+            Some(factor) if !counts => {
+                missed_by_probe(problem, &Towards::Inverse(factor), &pairs, wanted, progress)?
+            }
+            _ => {
+                // the count has a factor of its own: both at once would be the peak of the whole analysis
+                factor = None;
+                missed_by_inertia(problem, symbolic, &pairs.values, progress)?
+            }
+        };
+        searches += 1;
+        match missed.0 {
+            Some(more) if more > 0 && searches <= SEARCHES_MAX => {
+                progress.advance(f64::from(searches) / f64::from(SEARCHES_MAX + 1))?;
+                drop(factor.take());
+                let inverse = definite(symbolic, &problem.matrix, shift, progress)?;
+                pairs = with_missed(problem, &inverse, pairs, more, request.tolerance, progress)?;
+                pairs.truncate(found);
+                factor = Some(inverse);
+            }
+            _ => break missed,
+        }
+    };
+    pairs.values.truncate(wanted);
+    let pairs = with_null_space(problem, Some(&pairs), request.count);
+    Ok(certified(problem, pairs, request, Method::ShiftInvert, missed))
+}
+
+/// The pairs with `more` others, searched for in the space that they leave: blocks find so many of a multiple eigenvalue
+/// at a time.
+fn with_missed(
+    problem: &Problem,
+    factor: &Cholesky<'_>,
+    pairs: Eigenpairs,
+    more: usize,
+    tolerance: f64,
+    progress: &Progress,
+) -> Result<Eigenpairs, SpectrumError> {
+    let known = pairs.vectors.columns();
+    let more = more.min(problem.size() - problem.zero_modes() - known);
+    let others = shift_invert::solve(problem, factor, &pairs.vectors, more, tolerance, progress, |_| 0.0)?;
+    let mut all = Block::zeros(problem.size(), known + more);
+    all.copy_columns(0, &pairs.vectors, 0, known);
+    drop(pairs);
+    all.copy_columns(known, &others.vectors, 0, more);
+    drop(others);
+    shift_invert::rayleigh_ritz(problem, all)
+}
+
+/// Counts the eigenvalues below the last gap between found ones: in a cluster at the end, of which only a part was asked
+/// for, nothing counts as missed.
+fn missed_by_inertia(
+    problem: &Problem,
+    symbolic: &Symbolic,
+    values: &[f64],
+    progress: &Progress,
+) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
+    let gaps = values.windows(2).enumerate().rev().filter(|(_, pair)| pair[1] - pair[0] >= 1e-4 * pair[1]);
+    for (k, pair) in gaps.take(GAPS_TRIED) {
+        let bound = 0.5 * (pair[0] + pair[1]);
+        if let Some(below) = symbolic.eigenvalues_below(&problem.matrix, bound, progress)? {
+            let expected = problem.zero_modes() + k + 1;
+            return Ok((Some(below.saturating_sub(expected)), MissedCheck::Inertia));
+        }
+    }
+    Ok((None, MissedCheck::None))
+}
