@@ -6,7 +6,6 @@ use super::cholesky::{Cholesky, Symbolic};
 use super::probe::Towards;
 use super::solver::{Method, Request, Solution, certified, missed_by_probe, with_null_space};
 use super::{Eigenpairs, Problem, SpectrumError, shift_invert, slicing};
-use crate::operator::Sparse;
 use crate::progress::{Phase, Progress};
 
 /// Entries of the factor, per row, up to which a second factorisation counts the eigenvalues below a bound.
@@ -25,7 +24,7 @@ const SINGLE_TOLERANCE: f64 = 1e-6;
 /// the larger it is, and Krylov spaces hardly take notice.
 const SHIFT_SHARE: f64 = 0.1;
 
-/// The smallest eigenpairs, from factors in single precision where these reach the tolerance.
+/// The smallest eigenpairs.
 ///
 /// # Errors
 /// [`SpectrumError`].
@@ -33,27 +32,6 @@ pub(super) fn solve<P>(
     problem: &Problem,
     symbolic: &Symbolic,
     request: &Request<'_, P>,
-    progress: &Progress,
-) -> Result<Solution, SpectrumError> {
-    if request.tolerance >= SINGLE_TOLERANCE {
-        match solve_with(problem, symbolic, request, Symbolic::factor, progress) {
-            Ok(solution) if solution.certificates.residual <= request.tolerance => return Ok(solution),
-            // single precision was not enough after all
-            Ok(_) | Err(SpectrumError::NotConverged { .. }) => {}
-            Err(error) => return Err(error),
-        }
-    }
-    solve_with(problem, symbolic, request, Symbolic::factor_double, progress)
-}
-
-/// How a positive definite matrix is factored.
-type Definite<'a> = fn(&'a Symbolic, &'a Sparse, f64, &Progress) -> Result<Cholesky<'a>, SpectrumError>;
-
-fn solve_with<'a, P>(
-    problem: &'a Problem,
-    symbolic: &'a Symbolic,
-    request: &Request<'_, P>,
-    definite: Definite<'a>,
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
     progress.advance(0.2)?;
@@ -73,10 +51,10 @@ fn solve_with<'a, P>(
     let (mut pairs, mut factor) = if let Some((pairs, factor)) = sliced {
         (pairs, Some(factor))
     } else {
-        let factor = definite(symbolic, &problem.matrix, shift, progress)?;
         let none = Block::zeros(problem.size(), 0);
         let whole = |share| share;
-        let pairs = shift_invert::solve(problem, &factor, &none, found, request.tolerance, progress, whole)?;
+        let (pairs, factor) =
+            inverse_iteration(problem, symbolic, shift, &none, found, request.tolerance, progress, whole)?;
         (pairs, Some(factor))
     };
     progress.enter(Phase::Certificates)?;
@@ -97,8 +75,9 @@ fn solve_with<'a, P>(
             Some(more) if more > 0 && searches <= SEARCHES_MAX => {
                 progress.advance(f64::from(searches) / f64::from(SEARCHES_MAX + 1))?;
                 drop(factor.take());
-                let inverse = definite(symbolic, &problem.matrix, shift, progress)?;
-                pairs = with_missed(problem, &inverse, pairs, more, request.tolerance, progress)?;
+                let (all, inverse) =
+                    with_missed(problem, symbolic, shift, pairs, more, request.tolerance, progress)?;
+                pairs = all;
                 pairs.truncate(found);
                 factor = Some(inverse);
             }
@@ -110,25 +89,55 @@ fn solve_with<'a, P>(
     Ok(certified(problem, pairs, request, Method::ShiftInvert, missed))
 }
 
+/// The `count` smallest non-zero eigenpairs beside `beside` and the factor that they come from: in single precision where
+/// that reaches the tolerance.
+#[allow(clippy::too_many_arguments)] // where, how many, how well, and who is told
+fn inverse_iteration<'a>(
+    problem: &'a Problem,
+    symbolic: &'a Symbolic,
+    shift: f64,
+    beside: &Block,
+    count: usize,
+    tolerance: f64,
+    progress: &Progress,
+    share: impl Fn(f64) -> f64,
+) -> Result<(Eigenpairs, Cholesky<'a>), SpectrumError> {
+    let pairs = |factor: &Cholesky<'a>| {
+        shift_invert::solve(problem, factor, beside, count, tolerance, progress, &share)
+    };
+    if tolerance >= SINGLE_TOLERANCE {
+        let factor = symbolic.factor(&problem.matrix, shift, progress)?;
+        match pairs(&factor) {
+            // single precision was not enough after all
+            Err(SpectrumError::NotConverged { .. }) if !factor.is_exact() => {}
+            solved => return Ok((solved?, factor)),
+        }
+    }
+    let factor = symbolic.factor_double(&problem.matrix, shift, progress)?;
+    Ok((pairs(&factor)?, factor))
+}
+
 /// The pairs with `more` others, searched for in the space that they leave: blocks find so many of a multiple eigenvalue
-/// at a time.
-fn with_missed(
-    problem: &Problem,
-    factor: &Cholesky<'_>,
+/// at a time. Also the factor that these come from.
+fn with_missed<'a>(
+    problem: &'a Problem,
+    symbolic: &'a Symbolic,
+    shift: f64,
     pairs: Eigenpairs,
     more: usize,
     tolerance: f64,
     progress: &Progress,
-) -> Result<Eigenpairs, SpectrumError> {
+) -> Result<(Eigenpairs, Cholesky<'a>), SpectrumError> {
     let known = pairs.vectors.columns();
     let more = more.min(problem.size() - problem.zero_modes() - known);
-    let others = shift_invert::solve(problem, factor, &pairs.vectors, more, tolerance, progress, |_| 0.0)?;
+    let (others, factor) =
+        inverse_iteration(problem, symbolic, shift, &pairs.vectors, more, tolerance, progress, |_| 0.0)?;
     let mut all = Block::zeros(problem.size(), known + more);
     all.copy_columns(0, &pairs.vectors, 0, known);
     drop(pairs);
     all.copy_columns(known, &others.vectors, 0, more);
     drop(others);
-    shift_invert::rayleigh_ritz(problem, all)
+    Ok((shift_invert::rayleigh_ritz(problem, all)?, factor))
 }
 
 /// Counts the eigenvalues below the last gap between found ones: in a cluster at the end, of which only a part was asked

@@ -56,16 +56,8 @@ pub(super) fn factorize<T: Entry>(
     progress: &Progress,
 ) -> Result<Option<Factor<T>>, Canceled> {
     let mut values = vec![T::nearest(0.0); nodes.entries()];
-    let mut rest: &mut [T] = &mut values;
-    let mut taken = 0;
-    let mut tasks = Vec::new();
-    for part in nodes.parts() {
-        let span = nodes.values_of(part);
-        let (own, after) = std::mem::take(&mut rest)[span.start - taken..].split_at_mut(span.len());
-        (rest, taken) = (after, span.end);
-        tasks.push((part.clone(), own));
-    }
-    let eliminated: Vec<Result<Option<Vec<u32>>, Canceled>> = tasks
+    let eliminated: Vec<Result<Option<Vec<u32>>, Canceled>> = nodes
+        .by_parts(&mut values, |part| nodes.values_of(part))
         .into_par_iter()
         .with_max_len(1)
         .map(|(part, own)| {
@@ -109,7 +101,7 @@ struct Task<'a, T> {
     /// Where a row of the matrix is in the supernode at hand; of others, anything.
     local: Vec<u32>,
     scratch: Scratch<T>,
-    memory: Option<MemBuffer>,
+    memory: MemBuffer,
 }
 
 /// Buffers that grow to what is needed.
@@ -128,7 +120,9 @@ impl<T> Scratch<T> {
 impl<'a, T: Entry> Task<'a, T> {
     fn new(nodes: &'a Supernodes, matrix: Reordered<'a>) -> Self {
         let local = vec![0; nodes.rows()];
-        Self { nodes, matrix, negative: Vec::new(), local, scratch: Scratch::new(), memory: None }
+        let size = cholesky_in_place_scratch::<T>(nodes.widest(), Par::Seq, faer::Spec::default());
+        let memory = MemBuffer::new(size);
+        Self { nodes, matrix, negative: Vec::new(), local, scratch: Scratch::new(), memory }
     }
 
     /// Computes the entries of supernode `s`, all zero, from those of the earlier ones, which begin at `base`; false when
@@ -156,16 +150,11 @@ impl<'a, T: Entry> Task<'a, T> {
             );
         }
         let (mut block, below) = entries.split_at_row_mut(width);
-        let size = cholesky_in_place_scratch::<T>(width, Par::Seq, faer::Spec::default());
-        if self.memory.as_ref().is_none_or(|memory| memory.len() < size.size_bytes()) {
-            self.memory = Some(MemBuffer::new(size));
-        }
-        let Some(memory) = &mut self.memory else { return false };
         let factored = cholesky_in_place(
             block.as_mut(),
             LdltRegularization::default(),
             Par::Seq,
-            MemStack::new(memory),
+            MemStack::new(&mut self.memory),
             faer::Spec::default(),
         );
         if factored.is_err() {

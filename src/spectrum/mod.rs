@@ -18,6 +18,7 @@ pub mod lobpcg;
 pub mod order;
 pub mod orthogonal;
 mod passes;
+mod polish;
 mod probe;
 pub mod problem;
 pub mod shift_invert;

@@ -41,7 +41,8 @@ pub fn nested_dissection<'a>(matrix: &Sparse, position: impl Fn(u32) -> &'a [f64
     let mut right_of = vec![0_u32; n];
     let mut splits = 0;
     // parts still to order, and separators waiting for both of their halves
-    let mut stack = vec![Pending::Part((0..n as u32).collect(), Some(SPLITS))];
+    let apart = (n >= 2 * PART_MIN).then_some(SPLITS);
+    let mut stack = vec![Pending::Part((0..n as u32).collect(), apart)];
     while let Some(pending) = stack.pop() {
         let splits_left;
         let mut part = match pending {
@@ -50,8 +51,7 @@ pub fn nested_dissection<'a>(matrix: &Sparse, position: impl Fn(u32) -> &'a [f64
                 continue;
             }
             Pending::Part(points, apart) => {
-                let whole = points.len() == n;
-                if apart.is_some_and(|left| left == 0 || (!whole && points.len() < 2 * PART_MIN)) {
+                if apart.is_some_and(|left| left == 0 || points.len() < 2 * PART_MIN) {
                     parts.push(order.len()..order.len() + points.len());
                     splits_left = None;
                 } else {

@@ -4,15 +4,16 @@
 
 use faer::Mat;
 
-use super::block::{Block, add_product, column_norms, gram, replace_by_product};
+use super::block::{Block, add_product, gram, replace_by_product};
 use super::cholesky::Cholesky;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_knowing};
+use super::polish::polished;
 use super::sparse_product::sparse_product;
-use super::{Eigenpairs, Problem, SpectrumError, certificates, start};
+use super::{Eigenpairs, Problem, SpectrumError, start};
 use crate::progress::Progress;
 
 /// Vectors multiplied together.
-const BLOCK: usize = 16;
+pub(super) const BLOCK: usize = 16;
 
 /// Restarts before giving up.
 const RESTARTS_MAX: usize = 60;
@@ -27,10 +28,6 @@ const ROOM_BLOCKS_AT_END: usize = 6;
 
 /// Estimated residuals that are good enough, as a share of the tolerance: the last inverse iteration improves on them.
 const FINISHED: f64 = 0.5;
-
-/// Inverse iterations with refined solutions, at most, and the error of these.
-const POLISHES: usize = 4;
-const POLISH_ERROR: f64 = 1e-6;
 
 /// The eigenvalues nearest to a shift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,35 +112,7 @@ pub fn solve(
     let shifted = Shifted { inverse: factor, shift: -factor.shift() };
     let nearest = Nearest { below: 0, above: count };
     let vectors = ritz_vectors(problem, shifted, beside, nearest, tolerance, progress, share)?;
-    let mut pairs = rayleigh_ritz(problem, vectors)?;
-    if factor.is_exact() {
-        return Ok(pairs);
-    }
-    // rough solutions are wrong where the inverse is large: in the smooth vectors
-    for _ in 0..POLISHES {
-        let residuals = certificates::residuals(problem, &pairs);
-        let rough: Vec<usize> = (0..count).filter(|&j| residuals[j] > FINISHED * tolerance).collect();
-        if rough.is_empty() {
-            break;
-        }
-        let complement = Complement { problem, beside };
-        for some in rough.chunks(BLOCK) {
-            progress.checkpoint()?;
-            let mut work = Block::zeros(problem.size(), some.len());
-            for (to, &from) in some.iter().enumerate() {
-                work.copy_columns(to, &pairs.vectors, from, 1);
-            }
-            factor.solve_to(&mut work, POLISH_ERROR);
-            complement.project(&mut work);
-            let norms = column_norms(&work);
-            work.for_each_row(|_, row| row.iter_mut().zip(&norms).for_each(|(x, norm)| *x /= norm));
-            for (from, &to) in some.iter().enumerate() {
-                pairs.vectors.copy_columns(to, &work, from, 1);
-            }
-        }
-        pairs = rayleigh_ritz(problem, pairs.vectors)?;
-    }
-    Ok(pairs)
+    polished(problem, factor, beside, rayleigh_ritz(problem, vectors)?, tolerance, progress)
 }
 
 /// Vectors that span the eigenvectors of the non-zero eigenvalues nearest to the shift, each with a relative residual
@@ -205,9 +174,9 @@ pub fn ritz_vectors(
 }
 
 /// Where eigenvectors are looked for: orthogonal to the null space and to those that are known.
-struct Complement<'a> {
-    problem: &'a Problem,
-    beside: &'a Block,
+pub(super) struct Complement<'a> {
+    pub(super) problem: &'a Problem,
+    pub(super) beside: &'a Block,
 }
 
 impl Complement<'_> {
@@ -215,7 +184,7 @@ impl Complement<'_> {
         self.problem.size() - self.problem.zero_modes() - self.beside.columns()
     }
 
-    fn project(&self, block: &mut Block) {
+    pub(super) fn project(&self, block: &mut Block) {
         self.problem.project_out_null(block);
         if self.beside.columns() > 0 {
             let along = gram(self.beside, block);
@@ -431,7 +400,7 @@ pub(super) mod tests {
         let problem = grid(side);
         let order: Vec<u32> = (0..(side * side) as u32).collect();
         let symbolic = Symbolic::analyze(&problem.matrix, order).unwrap();
-        let factor = symbolic.factor(&problem.matrix, problem.shift, &Progress::new()).unwrap();
+        let factor = symbolic.factor_double(&problem.matrix, problem.shift, &Progress::new()).unwrap();
         let none = Block::zeros(problem.size(), 0);
         let pairs = solve(&problem, &factor, &none, 40, 1e-8, &Progress::new(), |share| share).unwrap();
         let exact = grid_eigenvalues(side);

@@ -24,15 +24,6 @@ pub(super) fn solve<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, x: &mut [T
     let rows_of = |rows: Range<usize>| rows.start * WIDTH..rows.end * WIDTH;
     let top_rows = || nodes.top().iter().map(|&s| nodes.columns_of(&(s..s + 1)));
     let in_parts = |x: &mut [T], direction: Direction, top: &[T]| -> Vec<Vec<T>> {
-        let mut rest = x;
-        let mut taken = 0;
-        let mut tasks = Vec::new();
-        for part in nodes.parts() {
-            let span = rows_of(nodes.columns_of(part));
-            let (own, after) = std::mem::take(&mut rest)[span.start - taken..].split_at_mut(span.len());
-            (rest, taken) = (after, span.end);
-            tasks.push((part.clone(), own));
-        }
         let pass = |(part, x): (Range<usize>, &mut [T])| {
             let first = Some(nodes.columns_of(&part).start);
             let mut above = match direction {
@@ -43,7 +34,8 @@ pub(super) fn solve<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, x: &mut [T
             stage.run(part, direction, x, &mut above, top);
             above
         };
-        tasks.into_par_iter().with_max_len(1).map(pass).collect()
+        let parts = nodes.by_parts(x, |part| rows_of(nodes.columns_of(part)));
+        parts.into_par_iter().with_max_len(1).map(pass).collect()
     };
     let mut top = vec![T::nearest(0.0); nodes.top_rows() * WIDTH];
     // what the parts take from the rows that they have in common

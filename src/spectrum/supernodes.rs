@@ -189,9 +189,25 @@ impl Supernodes {
         &self.updates[self.update_offsets[s]..self.update_offsets[s + 1]]
     }
 
-    /// Stretches of supernodes of which none has an entry in the rows of another, in ascending order.
-    pub(super) fn parts(&self) -> &[Range<usize>] {
-        &self.parts
+    /// Every part with its stretch of `x`, where `span` tells which that is.
+    pub(super) fn by_parts<'x, T>(
+        &self,
+        mut x: &'x mut [T],
+        span: impl Fn(&Range<usize>) -> Range<usize>,
+    ) -> Vec<(Range<usize>, &'x mut [T])> {
+        let mut taken = 0;
+        let take = |part: &Range<usize>| {
+            let span = span(part);
+            let (own, rest) = std::mem::take(&mut x)[span.start - taken..].split_at_mut(span.len());
+            (x, taken) = (rest, span.end);
+            (part.clone(), own)
+        };
+        self.parts.iter().map(take).collect()
+    }
+
+    /// Columns of the widest supernode.
+    pub(super) fn widest(&self) -> usize {
+        self.begin.windows(2).map(|pair| (pair[1] - pair[0]) as usize).max().unwrap_or(0)
     }
 
     /// Supernodes in none of the parts.
