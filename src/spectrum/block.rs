@@ -7,26 +7,29 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
+use super::entry::Entry;
+
 /// Rows of one dense product: with 300 columns a chunk stays in the second-level cache.
 const CHUNK_ROWS: usize = 512;
 
 /// Partial sums of a Gram matrix; a fixed number, so that the result is independent of the threads.
 const PARTIAL_SUMS: usize = 16;
 
-/// `rows × columns` numbers, row-major, in a buffer `width ≥ columns` wide.
+/// `rows × columns` numbers, row-major, in a buffer `width ≥ columns` wide, in double or single precision. Small
+/// matrices that blocks are multiplied by, and those that come of products of blocks, are always in double.
 #[derive(Debug, Clone)]
-pub struct Block {
+pub struct Block<T = f64> {
     rows: usize,
     width: usize,
     columns: usize,
-    values: Vec<f64>,
+    values: Vec<T>,
 }
 
-impl Block {
+impl<T: Entry> Block<T> {
     /// A block of zeros with room for `width` columns, all in use.
     #[must_use]
     pub fn zeros(rows: usize, width: usize) -> Self {
-        Self { rows, width, columns: width, values: vec![0.0; rows * width] }
+        Self { rows, width, columns: width, values: vec![T::nearest(0.0); rows * width] }
     }
 
     /// Number of rows.
@@ -52,18 +55,18 @@ impl Block {
 
     /// Columns in use of row `i`.
     #[must_use]
-    pub fn row(&self, i: usize) -> &[f64] {
+    pub fn row(&self, i: usize) -> &[T] {
         &self.values[i * self.width..i * self.width + self.columns]
     }
 
     /// Column `j` as a vector.
     #[must_use]
-    pub fn column(&self, j: usize) -> Vec<f64> {
+    pub fn column(&self, j: usize) -> Vec<T> {
         (0..self.rows).map(|i| self.row(i)[j]).collect()
     }
 
     /// Changes every row in place, in parallel.
-    pub fn for_each_row(&mut self, change: impl Fn(usize, &mut [f64]) + Sync + Send) {
+    pub fn for_each_row(&mut self, change: impl Fn(usize, &mut [T]) + Sync + Send) {
         let (width, columns) = (self.width, self.columns);
         self.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
             for (k, row) in rows.chunks_mut(width).enumerate() {
@@ -74,7 +77,7 @@ impl Block {
 
     /// Changes every stretch of rows in place, in parallel: the number of its first row, and the rows, each
     /// `columns` numbers at the beginning of the block's width, which is passed on.
-    pub(super) fn for_each_stretch(&mut self, change: impl Fn(usize, &mut [f64], usize) + Sync + Send) {
+    pub(super) fn for_each_stretch(&mut self, change: impl Fn(usize, &mut [T], usize) + Sync + Send) {
         let width = self.width;
         self.values
             .par_chunks_mut(width * CHUNK_ROWS)
@@ -82,12 +85,14 @@ impl Block {
             .for_each(|(chunk, rows)| change(chunk * CHUNK_ROWS, rows, width));
     }
 
-    /// Copies `count` columns of `source` from its column `from` to columns `to ..` of this block.
-    pub fn copy_columns(&mut self, to: usize, source: &Self, from: usize, count: usize) {
+    /// Copies `count` columns of `source` from its column `from` to columns `to ..` of this block, rounded where it is of
+    /// less precision.
+    pub fn copy_columns<U: Entry>(&mut self, to: usize, source: &Block<U>, from: usize, count: usize) {
         let width = self.width;
         self.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
             for (k, row) in rows.chunks_mut(width).enumerate() {
-                row[to..to + count].copy_from_slice(&source.row(chunk * CHUNK_ROWS + k)[from..from + count]);
+                let source = &source.row(chunk * CHUNK_ROWS + k)[from..from + count];
+                row[to..to + count].iter_mut().zip(source).for_each(|(x, &y)| *x = T::nearest(y.into()));
             }
         });
     }
@@ -109,7 +114,7 @@ impl Block {
     }
 
     /// Columns `from ..` of some rows.
-    fn chunk(&self, rows: std::ops::Range<usize>, from: usize) -> MatRef<'_, f64> {
+    fn chunk(&self, rows: std::ops::Range<usize>, from: usize) -> MatRef<'_, T> {
         let values = &self.values[rows.start * self.width + from..];
         let columns = self.columns - from;
         MatRef::from_row_major_slice_with_stride(
@@ -122,19 +127,24 @@ impl Block {
 }
 
 /// The prefix of a row-major buffer that holds `rows` rows: the last row ends with its last column.
-fn values_for(values: &[f64], rows: usize, width: usize, columns: usize) -> &[f64] {
+fn values_for<T>(values: &[T], rows: usize, width: usize, columns: usize) -> &[T] {
     &values[..(rows - 1) * width + columns]
+}
+
+/// A small matrix in the precision of a block.
+fn rounded<T: Entry>(m: MatRef<'_, f64>) -> Mat<T> {
+    Mat::from_fn(m.nrows(), m.ncols(), |i, j| T::nearest(m[(i, j)]))
 }
 
 /// `AᵀB`, `a.columns × b.columns`.
 #[must_use]
-pub fn gram(a: &Block, b: &Block) -> Mat<f64> {
+pub fn gram<T: Entry>(a: &Block<T>, b: &Block) -> Mat<f64> {
     gram_from(a, 0, b)
 }
 
 /// The same with columns `from ..` of `A` only.
 #[must_use]
-pub fn gram_from(a: &Block, from: usize, b: &Block) -> Mat<f64> {
+pub fn gram_from<T: Entry>(a: &Block<T>, from: usize, b: &Block) -> Mat<f64> {
     let n = a.rows;
     let share = n.div_ceil(PARTIAL_SUMS).max(CHUNK_ROWS);
     let starts: Vec<usize> = (0..n).step_by(share).collect();
@@ -142,11 +152,19 @@ pub fn gram_from(a: &Block, from: usize, b: &Block) -> Mat<f64> {
         .into_par_iter()
         .map(|start| {
             let mut sum = Mat::zeros(a.columns - from, b.columns);
+            let mut product = Mat::<T>::zeros(a.columns - from, b.columns);
+            let mut right = Vec::with_capacity(CHUNK_ROWS * b.columns);
             let end = n.min(start + share);
             for first in (start..end).step_by(CHUNK_ROWS) {
                 let rows = first..end.min(first + CHUNK_ROWS);
-                let (left, right) = (a.chunk(rows.clone(), from), b.chunk(rows, 0));
-                matmul(&mut sum, Accum::Add, left.transpose(), right, 1.0, Par::Seq);
+                right.clear();
+                right.extend(rows.clone().flat_map(|i| b.row(i)).map(|&x| T::nearest(x)));
+                let left = a.chunk(rows.clone(), from);
+                let right = MatRef::from_row_major_slice(&right, rows.len(), b.columns);
+                matmul(&mut product, Accum::Replace, left.transpose(), right, T::nearest(1.0), Par::Seq);
+                for j in 0..b.columns {
+                    sum.col_mut(j).iter_mut().zip(product.col(j).iter()).for_each(|(s, &p)| *s += p.into());
+                }
             }
             sum
         })
@@ -159,36 +177,42 @@ pub fn gram_from(a: &Block, from: usize, b: &Block) -> Mat<f64> {
 }
 
 /// `C += scale · A M` for a small matrix `M`, `a.columns × c.columns`.
-pub fn add_product(c: &mut Block, scale: f64, a: &Block, m: MatRef<'_, f64>) {
+pub fn add_product<T: Entry>(c: &mut Block, scale: f64, a: &Block<T>, m: MatRef<'_, f64>) {
     add_product_from(c, scale, a, 0, m);
 }
 
 /// The same with columns `from ..` of `A` only.
-pub fn add_product_from(c: &mut Block, scale: f64, a: &Block, from: usize, m: MatRef<'_, f64>) {
+pub fn add_product_from<T: Entry>(c: &mut Block, scale: f64, a: &Block<T>, from: usize, m: MatRef<'_, f64>) {
     let (width, columns) = (c.width, c.columns);
-    c.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, values)| {
-        let rows = values.len() / width;
-        let first = chunk * CHUNK_ROWS;
-        let length = (rows - 1) * width + columns;
-        // faer 0.24's own constructor of a mutable row-major view swaps the strides
-        let target =
-            MatMut::from_column_major_slice_with_stride_mut(&mut values[..length], columns, rows, width)
-                .transpose_mut();
-        matmul(target, Accum::Add, a.chunk(first..first + rows, from), m, scale, Par::Seq);
-    });
+    let m = rounded::<T>(m);
+    c.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each_init(
+        || vec![T::nearest(0.0); CHUNK_ROWS * columns],
+        |product, (chunk, values)| {
+            let rows = values.len() / width;
+            let first = chunk * CHUNK_ROWS;
+            let product = &mut product[..rows * columns];
+            let target = MatMut::from_row_major_slice_mut(product, rows, columns);
+            let left = a.chunk(first..first + rows, from);
+            matmul(target, Accum::Replace, left, m.as_ref(), T::nearest(1.0), Par::Seq);
+            for (row, product) in values.chunks_mut(width).zip(product.chunks_exact(columns)) {
+                row.iter_mut().zip(product).for_each(|(x, &p)| *x += scale * p.into());
+            }
+        },
+    );
 }
 
 /// `A ← A M` in place for `M` with at most as many columns as rows; the block then has `M`'s columns.
-pub fn replace_by_product(a: &mut Block, m: MatRef<'_, f64>) {
+pub fn replace_by_product<T: Entry>(a: &mut Block<T>, m: MatRef<'_, f64>) {
     let (width, columns) = (a.width, a.columns);
+    let m = rounded::<T>(m);
     a.values.par_chunks_mut(width * CHUNK_ROWS).for_each_init(
-        || Mat::<f64>::zeros(CHUNK_ROWS, m.ncols()),
+        || Mat::<T>::zeros(CHUNK_ROWS, m.ncols()),
         |product, values| {
             let rows = values.len() / width;
             let length = (rows - 1) * width + columns;
             let source = MatRef::from_row_major_slice_with_stride(&values[..length], rows, columns, width);
             let mut target = product.as_mut().subrows_mut(0, rows);
-            matmul(target.as_mut(), Accum::Replace, source, m, 1.0, Par::Seq);
+            matmul(target.as_mut(), Accum::Replace, source, m.as_ref(), T::nearest(1.0), Par::Seq);
             for (k, row) in values.chunks_mut(width).enumerate() {
                 for (j, value) in row[..m.ncols()].iter_mut().enumerate() {
                     *value = target[(k, j)];
@@ -263,6 +287,30 @@ mod tests {
         assert_eq!(one, three);
         let expected: f64 = (0..a.rows()).map(|i| a.row(i)[3] * b.row(i)[2]).sum();
         assert!((one[(3, 2)] - expected).abs() < 1e-9 * expected.abs().max(1.0));
+    }
+
+    #[test]
+    fn products_with_a_block_in_single_precision_are_those_of_its_rounded_numbers() {
+        let (whole, b) = (block(1_300, 4), block(1_300, 2));
+        let mut a = Block::<f32>::zeros(1_300, 4);
+        a.copy_columns(0, &whole, 0, 4);
+        let mut back = Block::zeros(1_300, 4);
+        back.copy_columns(0, &a, 0, 4);
+        assert!((0..1_300).all(|i| back.row(i).iter().zip(whole.row(i)).all(|(x, y)| (x - y).abs() < 1e-7)));
+        let (single, double) = (gram_from(&a, 1, &b), gram_from(&back, 1, &b));
+        assert!((&single - &double).norm_max() < 1e-5 * double.norm_max() && single != double);
+        let m = Mat::from_fn(4, 2, |i, j| (i + 2 * j) as f64 - 1.5);
+        let (mut one, mut other) = (b.clone(), b);
+        add_product(&mut one, 2.0, &a, m.as_ref());
+        add_product(&mut other, 2.0, &back, m.as_ref());
+        replace_by_product(&mut a, m.as_ref());
+        replace_by_product(&mut back, m.as_ref());
+        for i in [0, 511, 512, 1_299] {
+            for j in 0..2 {
+                assert!((one.row(i)[j] - other.row(i)[j]).abs() < 1e-5);
+                assert!((f64::from(a.row(i)[j]) - back.row(i)[j]).abs() < 1e-5);
+            }
+        }
     }
 
     #[test]

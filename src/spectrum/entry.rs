@@ -1,4 +1,4 @@
-//! The numbers that factors are stored in.
+//! The numbers that factors and Krylov spaces are stored in.
 
 #![expect(clippy::inline_always, reason = "functions of another instruction set are not inlined otherwise")]
 
@@ -8,9 +8,12 @@ use faer::traits::RealField;
 use pulp::Simd;
 
 /// Single or double precision, and its vectors.
-pub(super) trait Entry:
+pub trait Entry:
     RealField + Copy + AddAssign + SubAssign + Neg<Output = Self> + Into<f64> + PartialOrd
 {
+    /// Largest relative error of a rounded number.
+    const ROUNDING: f64;
+
     /// A vector of an instruction set.
     type Vector<S: Simd>: Copy;
 
@@ -48,6 +51,8 @@ pub(super) trait Entry:
 }
 
 impl Entry for f32 {
+    const ROUNDING: f64 = 0.5 * f32::EPSILON as f64;
+
     type Vector<S: Simd> = S::f32s;
 
     #[allow(clippy::cast_possible_truncation)] // this is what it is for
@@ -96,6 +101,8 @@ impl Entry for f32 {
 }
 
 impl Entry for f64 {
+    const ROUNDING: f64 = 0.5 * f64::EPSILON;
+
     type Vector<S: Simd> = S::f64s;
 
     fn nearest(x: f64) -> Self {

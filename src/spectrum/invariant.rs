@@ -60,7 +60,7 @@ pub fn solve(
 
 fn begin(problem: &Problem, mut start: Block) -> Result<Space, SpectrumError> {
     let n = problem.size();
-    orthonormalize(&mut start, &Block::zeros(n, 0))?;
+    orthonormalize(&mut start, &Block::<f64>::zeros(n, 0))?;
     let columns = start.columns();
     let mut basis = Block::zeros(n, 3 * columns);
     basis.set_columns(columns);
@@ -80,7 +80,7 @@ fn begin(problem: &Problem, mut start: Block) -> Result<Space, SpectrumError> {
 /// first `count`.
 fn residuals(problem: &Problem, space: &Space, count: usize, tolerance: f64) -> (Block, Vec<usize>, f64) {
     let columns = space.schur.ncols();
-    let mut leading = Block::zeros(problem.size(), columns);
+    let mut leading = Block::<f64>::zeros(problem.size(), columns);
     leading.copy_columns(0, &space.basis, 0, columns);
     let mut residual = Block::zeros(problem.size(), columns);
     residual.copy_columns(0, &space.product, 0, columns);

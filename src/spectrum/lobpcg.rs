@@ -89,7 +89,7 @@ pub fn solve(
 fn begin(problem: &Problem, mut start: Block) -> Result<Space, SpectrumError> {
     let n = problem.size();
     problem.project_out_null(&mut start);
-    orthonormalize(&mut start, &Block::zeros(n, 0))?;
+    orthonormalize(&mut start, &Block::<f64>::zeros(n, 0))?;
     let columns = start.columns();
     let mut basis = Block::zeros(n, 3 * columns);
     basis.set_columns(columns);

@@ -4,6 +4,7 @@ use faer::{Mat, MatRef, Side};
 
 use super::SpectrumError;
 use super::block::{Block, add_product_from, gram, gram_from, replace_by_product};
+use super::entry::Entry;
 
 /// Directions whose squared length is below this share of the largest are rounding noise.
 const RANK_TOLERANCE: f64 = 1e-13;
@@ -54,7 +55,7 @@ pub struct Taken {
 ///
 /// # Errors
 /// [`SpectrumError::Dense`].
-pub fn orthonormalize(w: &mut Block, v: &Block) -> Result<Taken, SpectrumError> {
+pub fn orthonormalize<V: Entry>(w: &mut Block, v: &Block<V>) -> Result<Taken, SpectrumError> {
     orthonormalize_knowing(w, v, 0)
 }
 
@@ -63,7 +64,11 @@ pub fn orthonormalize(w: &mut Block, v: &Block) -> Result<Taken, SpectrumError> 
 ///
 /// # Errors
 /// [`SpectrumError::Dense`].
-pub fn orthonormalize_knowing(w: &mut Block, v: &Block, from: usize) -> Result<Taken, SpectrumError> {
+pub fn orthonormalize_knowing<V: Entry>(
+    w: &mut Block,
+    v: &Block<V>,
+    from: usize,
+) -> Result<Taken, SpectrumError> {
     let mut along = Mat::zeros(v.columns(), w.columns());
     let mut rest = Mat::identity(w.columns(), w.columns());
     for from in [from, 0] {
@@ -109,7 +114,7 @@ mod tests {
     fn dependent_columns_are_dropped_and_the_rest_is_orthonormal_and_complete() {
         let mut v = Block::zeros(3_000, 3);
         start::fill(&mut v, 0);
-        orthonormalize(&mut v, &Block::zeros(3_000, 0)).unwrap();
+        orthonormalize(&mut v, &Block::<f64>::zeros(3_000, 0)).unwrap();
         let mut w = Block::zeros(3_000, 4);
         start::fill(&mut w, 10);
         w.for_each_row(|_, row| row[3] = row[0] + 2.0 * row[1]);

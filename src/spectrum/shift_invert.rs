@@ -6,6 +6,7 @@ use faer::Mat;
 
 use super::block::{Block, add_product, gram, replace_by_product};
 use super::cholesky::Cholesky;
+use super::entry::Entry;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_knowing};
 use super::polish::polished;
 use super::sparse_product::sparse_product;
@@ -22,9 +23,10 @@ const RESTARTS_MAX: usize = 60;
 /// eigenvalues 50 take 192 vectors and 100 take 272; with room for so many only, slices of double eigenvalues failed.
 const ROOM_BLOCKS: usize = 6;
 
-/// Blocks of room beside twice the pairs wanted from the end of the spectrum: 100 take about 340 vectors in all, of which
-/// a restart needs fewer at a time.
+/// Blocks of room beside twice the pairs wanted from the end of the spectrum: 100 take about 370 vectors in all, of which
+/// a restart needs fewer at a time. In single precision there is room for all of them.
 const ROOM_BLOCKS_AT_END: usize = 6;
+const ROOM_BLOCKS_AT_END_SINGLE: usize = 12;
 
 /// Estimated residuals that are good enough, as a share of the tolerance: the last inverse iteration improves on them.
 const FINISHED: f64 = 0.5;
@@ -50,11 +52,18 @@ impl Nearest {
 pub trait Inverse {
     /// `X ← (A − sI)⁻¹ X`.
     fn solve(&self, x: &mut Block);
+
+    /// Whether solutions come in single precision: a Krylov space of them needs no more either.
+    fn is_single(&self) -> bool;
 }
 
 impl Inverse for Cholesky<'_> {
     fn solve(&self, x: &mut Block) {
         Cholesky::solve(self, x);
+    }
+
+    fn is_single(&self) -> bool {
+        !self.is_exact()
     }
 }
 
@@ -68,9 +77,9 @@ pub struct Shifted<'a> {
 }
 
 /// A basis of the Krylov space and the projection of the operator onto it.
-struct Krylov {
+struct Krylov<V> {
     /// Orthonormal vectors: `processed` of them multiplied, then the block that is next.
-    basis: Block,
+    basis: Block<V>,
     processed: usize,
     /// `Vᵀ (A−sI)⁻¹ V` over the processed vectors.
     projected: Mat<f64>,
@@ -87,10 +96,11 @@ pub fn krylov_vectors(count: usize) -> usize {
     (2 * count + ROOM_BLOCKS * BLOCK).max(count + 11 * BLOCK) + BLOCK
 }
 
-/// The same of pairs at the end of the spectrum.
+/// The same of pairs at the end of the spectrum, of vectors in single precision or double.
 #[must_use]
-pub fn krylov_vectors_at_end(count: usize) -> usize {
-    2 * count + (ROOM_BLOCKS_AT_END + 1) * BLOCK
+pub fn krylov_vectors_at_end(count: usize, single: bool) -> usize {
+    let blocks = if single { ROOM_BLOCKS_AT_END_SINGLE } else { ROOM_BLOCKS_AT_END };
+    2 * count + (blocks + 1) * BLOCK
 }
 
 /// The `count` smallest non-zero eigenpairs to a relative residual of `tolerance`, among those orthogonal to the
@@ -112,7 +122,7 @@ pub fn solve(
     let shifted = Shifted { inverse: factor, shift: -factor.shift() };
     let nearest = Nearest { below: 0, above: count };
     let vectors = ritz_vectors(problem, shifted, beside, nearest, tolerance, progress, share)?;
-    polished(problem, factor, beside, rayleigh_ritz(problem, vectors)?, tolerance, progress)
+    polished(problem, factor, beside, vectors, tolerance, progress)
 }
 
 /// Vectors that span the eigenvectors of the non-zero eigenvalues nearest to the shift, each with a relative residual
@@ -129,12 +139,34 @@ pub fn ritz_vectors(
     progress: &Progress,
     share: impl Fn(f64) -> f64,
 ) -> Result<Block, SpectrumError> {
+    if shifted.inverse.is_single() {
+        iterated::<f32>(problem, shifted, beside, nearest, tolerance, progress, share)
+    } else {
+        iterated::<f64>(problem, shifted, beside, nearest, tolerance, progress, share)
+    }
+}
+
+/// The same with a Krylov space that is kept in the precision `V`.
+fn iterated<V: Entry>(
+    problem: &Problem,
+    shifted: Shifted<'_>,
+    beside: &Block,
+    nearest: Nearest,
+    tolerance: f64,
+    progress: &Progress,
+    share: impl Fn(f64) -> f64,
+) -> Result<Block, SpectrumError> {
     let (n, count) = (problem.size(), nearest.count());
     let complement = Complement { problem, beside };
-    let vectors = if nearest.below == 0 { krylov_vectors_at_end(count) } else { krylov_vectors(count) };
+    let at_end = nearest.below == 0;
+    let vectors = if at_end {
+        krylov_vectors_at_end(count, shifted.inverse.is_single())
+    } else {
+        krylov_vectors(count)
+    };
     let room = (vectors - BLOCK).min(complement.dimension());
     let mut krylov = Krylov {
-        basis: Block::zeros(n, room + BLOCK),
+        basis: Block::<V>::zeros(n, room + BLOCK),
         processed: 0,
         projected: Mat::zeros(room + BLOCK, room + BLOCK),
         rest: Mat::zeros(0, 0),
@@ -194,9 +226,9 @@ impl Complement<'_> {
 }
 
 /// Appends a block of hashed numbers, orthogonal to everything so far.
-fn fresh_block(
+fn fresh_block<V: Entry>(
     complement: &Complement<'_>,
-    krylov: &mut Krylov,
+    krylov: &mut Krylov<V>,
     work: &mut Block,
     hashed: &mut usize,
 ) -> Result<(), SpectrumError> {
@@ -211,16 +243,16 @@ fn fresh_block(
     Ok(())
 }
 
-fn append(krylov: &mut Krylov, work: &Block) {
+fn append<V: Entry>(krylov: &mut Krylov<V>, work: &Block) {
     krylov.basis.set_columns(krylov.processed + work.columns());
     krylov.basis.copy_columns(krylov.processed, work, 0, work.columns());
 }
 
 /// Multiplies the next block and orthogonalises the product.
-fn expand(
+fn expand<V: Entry>(
     complement: &Complement<'_>,
     inverse: &dyn Inverse,
-    krylov: &mut Krylov,
+    krylov: &mut Krylov<V>,
     work: &mut Block,
 ) -> Result<(), SpectrumError> {
     let (first, end) = (krylov.processed, krylov.basis.columns());
@@ -241,7 +273,7 @@ fn expand(
     krylov.rest = taken.rest;
     // what rounding leaves of an exhausted space is no direction
     let scale = (0..end).map(|k| krylov.projected[(k, k)].abs()).fold(0.0, f64::max);
-    if krylov.rest.norm_max() < 1e-14 * scale || end == complement.dimension() {
+    if krylov.rest.norm_max() < 100.0 * V::ROUNDING * scale || end == complement.dimension() {
         krylov.rest = Mat::zeros(0, 0);
     } else {
         append(krylov, work);
@@ -256,7 +288,7 @@ struct Ritz {
 }
 
 impl Ritz {
-    fn of(krylov: &Krylov) -> Result<Self, SpectrumError> {
+    fn of<V>(krylov: &Krylov<V>) -> Result<Self, SpectrumError> {
         let m = krylov.processed;
         let projected = krylov.projected.as_ref().submatrix(0, 0, m, m);
         let symmetric = Mat::from_fn(m, m, |i, j| 0.5 * (projected[(i, j)] + projected[(j, i)]));
@@ -271,7 +303,7 @@ impl Ritz {
     }
 
     /// What `(A−sI)⁻¹ y − θ y` is for some of them, in terms of the next block.
-    fn outside(&self, krylov: &Krylov, places: &[usize]) -> Mat<f64> {
+    fn outside<V>(&self, krylov: &Krylov<V>, places: &[usize]) -> Mat<f64> {
         if krylov.rest.nrows() == 0 {
             return Mat::zeros(0, places.len());
         }
@@ -283,7 +315,7 @@ impl Ritz {
 
     /// Largest relative residual of the vectors that [`finish`] makes: `(A − λ) (A−sI)⁻¹ y = (y θ − (A−sI)⁻¹ y)/θ`, over
     /// `‖(A−sI)⁻¹ y‖ = |θ|` and `λ + σ`.
-    fn worst_residual(&self, krylov: &Krylov, nearest: Nearest, shift: f64, sigma: f64) -> f64 {
+    fn worst_residual<V>(&self, krylov: &Krylov<V>, nearest: Nearest, shift: f64, sigma: f64) -> f64 {
         if krylov.rest.nrows() == 0 {
             return f64::INFINITY;
         }
@@ -298,7 +330,7 @@ impl Ritz {
 }
 
 /// Keeps the best Ritz vectors, a third of the others among them, and the next block.
-fn restart(krylov: &mut Krylov, nearest: Nearest) -> Result<(), SpectrumError> {
+fn restart<V: Entry>(krylov: &mut Krylov<V>, nearest: Nearest) -> Result<(), SpectrumError> {
     let ritz = Ritz::of(krylov)?;
     let (processed, next) = (krylov.processed, krylov.basis.columns() - krylov.processed);
     let more = (processed - nearest.count()) / 3;
@@ -325,7 +357,11 @@ fn restart(krylov: &mut Krylov, nearest: Nearest) -> Result<(), SpectrumError> {
 
 /// The Ritz vectors after one more inverse iteration, which takes the fine scales out that the inverse cannot see. No
 /// solve is needed: of a Ritz vector, `(A−sI)⁻¹ y` is `θ y` and what the next block holds.
-fn finish(complement: &Complement<'_>, mut krylov: Krylov, nearest: Nearest) -> Result<Block, SpectrumError> {
+fn finish<V: Entry>(
+    complement: &Complement<'_>,
+    mut krylov: Krylov<V>,
+    nearest: Nearest,
+) -> Result<Block, SpectrumError> {
     let ritz = Ritz::of(&krylov)?;
     let places: Vec<usize> = ritz.nearest(nearest).collect();
     let outside = ritz.outside(&krylov, &places);
@@ -337,7 +373,10 @@ fn finish(complement: &Complement<'_>, mut krylov: Krylov, nearest: Nearest) -> 
         Some(i) => outside[(i, j)] / ritz.values[places[j]],
     });
     replace_by_product(&mut krylov.basis, change.as_ref());
-    let mut vectors = krylov.basis.into_first(places.len());
+    let basis = krylov.basis.into_first(places.len());
+    let mut vectors = Block::zeros(basis.rows(), places.len());
+    vectors.copy_columns(0, &basis, 0, places.len());
+    drop(basis);
     // in a space that is nearly exhausted the last blocks are short, and rounding along the null space is not
     complement.project(&mut vectors);
     Ok(vectors)
@@ -348,7 +387,7 @@ fn finish(complement: &Complement<'_>, mut krylov: Krylov, nearest: Nearest) -> 
 /// # Errors
 /// [`SpectrumError::Dense`].
 pub fn rayleigh_ritz(problem: &Problem, mut vectors: Block) -> Result<Eigenpairs, SpectrumError> {
-    orthonormalize(&mut vectors, &Block::zeros(problem.size(), 0))?;
+    orthonormalize(&mut vectors, &Block::<f64>::zeros(problem.size(), 0))?;
     let mut product = Block::zeros(problem.size(), vectors.columns());
     sparse_product(&mut product, &problem.matrix, &vectors);
     let (values, coefficients) = eigen(gram(&vectors, &product).as_ref())?;

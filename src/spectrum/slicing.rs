@@ -51,7 +51,7 @@ impl Weyl {
 #[must_use]
 pub fn vectors_held(count: usize) -> usize {
     if count < SLICED_FROM {
-        return krylov_vectors_at_end(count);
+        return krylov_vectors_at_end(count, false);
     }
     let slice = count.div_ceil(count.div_ceil(SLICE).max(1));
     (count - slice + krylov_vectors(slice)).max(2 * count)
