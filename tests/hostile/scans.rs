@@ -83,7 +83,7 @@ pub(crate) fn large_scans() -> Vec<Make> {
         Box::new(|| scan("e57 of more elements", &axes(&DOUBLE), 9, |xml| with(&xml, "<a/>", 4 << 20))),
         Box::new(|| scan("e57 of brackets", &axes(&DOUBLE), 9, |xml| with(&xml, "<", 24 << 20))),
         Box::new(|| {
-            let attributes: String = (0..200_000).map(|i| format!(" a{i}=\"\"")).collect();
+            let attributes = (0..200_000).map(|i| format!(" a{i}=\"\"")).collect::<Vec<_>>().concat();
             scan("e57 of attributes", &axes(&DOUBLE), 9, move |xml| {
                 with(&xml, &format!("<a{attributes}/>"), 9 << 20)
             })

@@ -173,7 +173,7 @@ fn points_of_constants_alone_are_refused() {
 #[test]
 fn a_description_of_more_attributes_than_any_has_is_refused() {
     let with = |count: usize| {
-        let attributes: String = (0..count).map(|i| format!(" a{i}=\">\"")).collect();
+        let attributes = (0..count).map(|i| format!(" a{i}=\">\"")).collect::<Vec<_>>().concat();
         let more = |xml: String| xml.replace("</e57Root>", &format!("<e{attributes}/></e57Root>"));
         let bytes = described(&cartesian(&[]), doubles(&[1.0, 2.0, 3.0]), more);
         read(&bytes, &ReadOptions::default())
