@@ -1,4 +1,4 @@
-//! A cancellation ends its job at once, in whatever phase it is, and the memory comes back.
+//! A cancellation ends its job at once, in whatever phase it is, and the computation soon.
 //!
 //! 20,000 points by default; `CHLADNI_CANCEL_POINTS=600000` is the measured run, which also holds the bound on time.
 
@@ -33,7 +33,7 @@ async fn phase(process: &Process, job: &str, wanted: Phase) -> Option<Phase> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_canceled_job_ends_at_once_in_every_phase_and_gives_its_memory_back() {
+async fn a_canceled_job_ends_at_once_in_every_phase_and_lets_go_of_what_it_took() {
     let measured = std::env::var("CHLADNI_CANCEL_POINTS").ok();
     let points = measured.as_deref().map_or(20_000, |points| points.parse().unwrap());
     let directory = tempfile::tempdir().unwrap();
