@@ -136,7 +136,7 @@ impl<R: Resource> Asked<R> {
     pub(super) async fn harmonics(&self) -> Result<Harmonics, Problem> {
         let (job, spectrum) = self.eigen().await?;
         let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
-        let bases = StoredBases::new(store, compute, job.id, job.points as usize, spectrum.eigenvalues.len());
+        let bases = StoredBases::new(store, compute, &job, spectrum.eigenvalues.len());
         // The cloud, the functions on it, and what becomes of them.
         let cloud = self.service.store.cloud(job.cloud_id).await?.bytes();
         let share = self.service.answer_memory.share(bases.bytes_at_work() + 3 * cloud).await?;

@@ -98,6 +98,7 @@ pub(super) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
         compute: service.compute.clone(),
         job: job.id,
         rows: job.points as usize,
+        chunk_rows: job.chunk_points,
         bases: bases.clone(),
     };
     let kind = match (asked.arguments.word("dtype"), offer) {

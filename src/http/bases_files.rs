@@ -17,7 +17,7 @@ use crate::cloud::writer::{
 };
 use crate::cloud::{PointCloud, ScalarType};
 use crate::jobs::Compute;
-use crate::store::{CHUNK_POINTS, Store};
+use crate::store::Store;
 
 /// Numbers of CSV written together: about a megabyte of text.
 const CSV_NUMBERS: usize = 1 << 16;
@@ -30,6 +30,8 @@ pub(super) struct Selection {
     pub job: Uuid,
     /// Rows of the upload.
     pub rows: usize,
+    /// Rows that are stored, read and sent together.
+    pub chunk_rows: usize,
     /// Indices of the bases.
     pub bases: Range<usize>,
 }
@@ -38,19 +40,19 @@ impl Selection {
     /// An array, or a PLY when there is a cloud.
     pub(super) fn layout(&self, cloud: Option<&PointCloud>, kind: ScalarType) -> RowLayout {
         match cloud {
-            None => points::npy_layout(self.rows, self.bases.len(), kind),
+            None => points::npy_layout(self.rows, self.bases.len(), kind).in_chunks_of(self.chunk_rows),
             Some(cloud) => {
                 let mut properties = ply_properties(cloud);
                 properties.truncate(points::axes(cloud));
                 properties.extend(self.names().map(|name| (name, kind)));
-                points::ply_layout(cloud, properties)
+                points::ply_layout(cloud, properties).in_chunks_of(self.chunk_rows)
             }
         }
     }
 
     /// Bytes of memory for the pieces that are made or sent at one time: numbers as they are stored, and as they are sent.
     pub(super) fn bytes_at_work(&self, kind: ScalarType) -> u64 {
-        let numbers = CHUNK_POINTS.min(self.rows) * self.bases.len();
+        let numbers = self.chunk_rows.min(self.rows) * self.bases.len();
         (2 * numbers * (size_of::<f64>() + kind.size())) as u64
     }
 
@@ -64,7 +66,7 @@ impl Selection {
 
     /// Rows of a chunk.
     fn rows_of(&self, chunk: usize) -> Range<usize> {
-        chunk * CHUNK_POINTS..((chunk + 1) * CHUNK_POINTS).min(self.rows)
+        chunk * self.chunk_rows..((chunk + 1) * self.chunk_rows).min(self.rows)
     }
 
     /// The bytes of a chunk of rows of [`Self::layout`].
@@ -105,7 +107,7 @@ impl Selection {
         );
         archive.add("eigenvalues", &npy_vector_header(eigenvalues.len(), double), &eigenvalues, double);
         archive.add("mass", &npy_vector_header(mass.len(), double), mass, double);
-        let mut layout = points::npy_layout(self.rows, self.bases.len(), kind);
+        let mut layout = self.layout(None, kind);
         let data_bytes = (layout.stride * layout.rows) as u64;
         let mut open = archive.open("bases", &layout.header, data_bytes);
         layout.header = open.take_head();
@@ -133,7 +135,7 @@ impl Selection {
     pub(super) fn csv(self, cloud: Arc<PointCloud>) -> Body {
         let names: Vec<String> = (0..cloud.dimension()).map(axis_name).chain(self.names()).collect();
         let lines_at_once = (CSV_NUMBERS / names.len()).max(1);
-        let chunks = stream::iter(0..self.rows.div_ceil(CHUNK_POINTS)).then(move |chunk| {
+        let chunks = stream::iter(0..self.rows.div_ceil(self.chunk_rows)).then(move |chunk| {
             let (selection, cloud) = (self.clone(), Arc::clone(&cloud));
             async move {
                 let values = Arc::new(selection.columns(chunk).await?);

@@ -15,7 +15,6 @@ use super::problem::{Kind, Problem, ProblemDocument};
 use super::query::{Accepts, Argument, resource};
 use super::signatures::no_scale;
 use crate::harmonics::{Distance, DistanceKind};
-use crate::store::CHUNK_POINTS;
 
 /// What they can be had as.
 pub(crate) const OFFERS: [Offer; 3] = [JSON, NPY, PLY];
@@ -109,9 +108,9 @@ pub(crate) async fn distances(asked: Asked<ReadDistances>) -> Result<Response, P
         .with("parameter", "from"));
     }
     let from = from as usize;
-    let row = from % CHUNK_POINTS;
+    let row = from % bases.block_rows();
     let origin = bases
-        .of_block(from / CHUNK_POINTS, move |block| {
+        .of_block(from / bases.block_rows(), move |block| {
             (0..block.bases()).map(|j| block.column(j)[row]).collect::<Vec<f64>>()
         })
         .await?;

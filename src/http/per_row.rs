@@ -84,6 +84,7 @@ impl PerRow {
                 compute.run(move || points::ply_layout(&cloud, properties)).await?
             }
         };
+        let layout = layout.in_chunks_of(self.bases.block_rows());
         download.length = Some(layout.length());
         let (bases, work) = (self.bases, self.work);
         download.answer(&asked.method, &asked.headers, |span| {

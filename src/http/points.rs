@@ -162,6 +162,7 @@ pub(crate) fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLa
         header: npy_header(rows, columns, kind),
         stride: columns * kind.size(),
         rows,
+        chunk_rows: CHUNK_POINTS,
         tail: Vec::new(),
     }
 }
@@ -175,6 +176,7 @@ pub(crate) fn ply_layout(cloud: &PointCloud, properties: Vec<(String, ScalarType
         header: header.to_bytes(),
         stride: header.stride(),
         rows: cloud.len(),
+        chunk_rows: CHUNK_POINTS,
         tail: encode_faces(cloud.faces(), encoding),
     }
 }

@@ -10,12 +10,11 @@ use flate2::Crc;
 use futures_util::stream::{self, Stream, StreamExt};
 
 use super::problem::Problem;
-use crate::store::CHUNK_POINTS;
 
 /// Chunks read and encoded at once, as long as they are not large.
 const CHUNKS_AHEAD: usize = 2;
 /// Bytes of a chunk from which on one is enough.
-const AHEAD_BYTES: usize = 16 << 20;
+const AHEAD_BYTES: u64 = 16 << 20;
 
 /// A file that is a header, n rows of `stride` bytes, and a tail.
 #[derive(Debug)]
@@ -26,18 +25,26 @@ pub(crate) struct RowLayout {
     pub stride: usize,
     /// Number of rows n.
     pub rows: usize,
+    /// Rows that are made together, at least 1.
+    pub chunk_rows: usize,
     /// What stands behind the rows.
     pub tail: Vec<u8>,
 }
 
 impl RowLayout {
+    /// The same file, made so many rows at a time.
+    #[must_use]
+    pub(crate) fn in_chunks_of(self, chunk_rows: usize) -> Self {
+        Self { chunk_rows, ..self }
+    }
+
     /// Length of the file in bytes.
     #[must_use]
     pub(crate) fn length(&self) -> u64 {
         (self.header.len() + self.tail.len()) as u64 + self.stride as u64 * self.rows as u64
     }
 
-    /// The bytes `span` of the file, where `encode` makes the bytes of a whole chunk of [`CHUNK_POINTS`] rows.
+    /// The bytes `span` of the file, where `encode` makes the bytes of a whole chunk.
     ///
     /// An error in the middle breaks the connection off, so that the client sees a short answer for what it is.
     pub(crate) fn stream<F, Encoded>(self, span: Range<u64>, encode: F) -> Body
@@ -46,10 +53,10 @@ impl RowLayout {
         Encoded: Future<Output = Result<Vec<u8>, Problem>> + Send + 'static,
     {
         let (rows, tail) = self.cut(&span);
+        let (chunk_bytes, chunks) = (self.chunk_bytes(), self.touched(&rows));
         let tail = part(self.tail, tail, &span);
-        let chunks = touched(&rows, self.stride);
-        let encoded = in_order(chunks, self.stride, encode, move |chunk, bytes| {
-            part(bytes, (chunk * CHUNK_POINTS * self.stride) as u64, &rows)
+        let encoded = in_order(chunks, chunk_bytes, encode, move |chunk, bytes| {
+            part(bytes, chunk as u64 * chunk_bytes, &rows)
         });
         Body::from_stream(ready(part(self.header, 0, &span)).chain(encoded).chain(ready(tail)))
     }
@@ -64,14 +71,14 @@ impl RowLayout {
     {
         let (rows, tail) = self.cut(&span);
         let is_sealed = span.end > tail;
-        let chunks =
-            if is_sealed { 0..self.rows.div_ceil(CHUNK_POINTS) } else { touched(&rows, self.stride) };
+        let chunk_bytes = self.chunk_bytes();
+        let chunks = if is_sealed { 0..self.rows.div_ceil(self.chunk_rows) } else { self.touched(&rows) };
         let checksum = Arc::new(Mutex::new(Crc::new()));
         let summed = Arc::clone(&checksum);
         let encoded =
-            in_order(chunks, self.stride, encode, move |chunk, (bytes, of_chunk): (Vec<u8>, Crc)| {
+            in_order(chunks, chunk_bytes, encode, move |chunk, (bytes, of_chunk): (Vec<u8>, Crc)| {
                 summed.lock().unwrap_or_else(PoisonError::into_inner).combine(&of_chunk);
-                part(bytes, (chunk * CHUNK_POINTS * self.stride) as u64, &rows)
+                part(bytes, chunk as u64 * chunk_bytes, &rows)
             });
         let header = part(self.header, 0, &span);
         let sealed = stream::once(async move {
@@ -92,18 +99,21 @@ impl RowLayout {
         let within = |x: u64| x.saturating_sub(begin).min(length);
         (within(span.start)..within(span.end), begin + length)
     }
-}
 
-/// The chunks that the bytes `rows` of all rows lie in.
-fn touched(rows: &Range<u64>, stride: usize) -> Range<usize> {
-    let chunk_bytes = (CHUNK_POINTS * stride) as u64;
-    (rows.start / chunk_bytes) as usize..rows.end.div_ceil(chunk_bytes) as usize
+    fn chunk_bytes(&self) -> u64 {
+        (self.chunk_rows * self.stride) as u64
+    }
+
+    /// The chunks that the bytes `rows` of all rows lie in.
+    fn touched(&self, rows: &Range<u64>) -> Range<usize> {
+        (rows.start / self.chunk_bytes()) as usize..rows.end.div_ceil(self.chunk_bytes()) as usize
+    }
 }
 
 /// What `cut` leaves of every chunk, as `encode` makes them, one ahead of the other.
 fn in_order<F, Encoded, T, C>(
     chunks: Range<usize>,
-    stride: usize,
+    chunk_bytes: u64,
     encode: F,
     cut: C,
 ) -> impl Stream<Item = Result<Bytes, io::Error>> + Send + 'static
@@ -113,7 +123,7 @@ where
     T: Send + 'static,
     C: Fn(usize, T) -> Bytes + Send + 'static,
 {
-    let ahead = if CHUNK_POINTS * stride > AHEAD_BYTES { 1 } else { CHUNKS_AHEAD };
+    let ahead = if chunk_bytes > AHEAD_BYTES { 1 } else { CHUNKS_AHEAD };
     let encoded = stream::iter(chunks).map(move |chunk| {
         let encoded = encode(chunk);
         async move { encoded.await.map(|made| (chunk, made)) }
@@ -144,12 +154,15 @@ pub(super) fn broken(problem: &Problem) -> io::Error {
 mod tests {
     use super::*;
 
+    const CHUNK_ROWS: usize = 1000;
+
     /// Rows are their own number, four bytes each; then a tail.
     fn layout() -> RowLayout {
         RowLayout {
             header: b"HEADER".to_vec(),
             stride: 4,
-            rows: 2 * CHUNK_POINTS + 100,
+            rows: 2 * CHUNK_ROWS + 100,
+            chunk_rows: CHUNK_ROWS,
             tail: b"TAIL".to_vec(),
         }
     }
@@ -157,8 +170,8 @@ mod tests {
     async fn bytes(span: Range<u64>) -> Vec<u8> {
         let rows = layout().rows;
         let body = layout().stream(span, move |chunk| async move {
-            let end = ((chunk + 1) * CHUNK_POINTS).min(rows);
-            Ok((chunk * CHUNK_POINTS..end).flat_map(|row| (row as u32).to_le_bytes()).collect())
+            let end = ((chunk + 1) * CHUNK_ROWS).min(rows);
+            Ok((chunk * CHUNK_ROWS..end).flat_map(|row| (row as u32).to_le_bytes()).collect())
         });
         axum::body::to_bytes(body, usize::MAX).await.unwrap().to_vec()
     }
@@ -169,7 +182,7 @@ mod tests {
         let whole = bytes(0..length).await;
         assert_eq!(whole.len() as u64, length);
         assert_eq!(&whole[..10], b"HEADER\0\0\0\0");
-        let chunk = (CHUNK_POINTS * 4) as u64;
+        let chunk = (CHUNK_ROWS * 4) as u64;
         for span in [
             0..3,
             2..9,
@@ -186,9 +199,9 @@ mod tests {
     async fn sealed(span: Range<u64>) -> Vec<u8> {
         let rows = layout().rows;
         let encode = move |chunk: usize| async move {
-            let end = ((chunk + 1) * CHUNK_POINTS).min(rows);
+            let end = ((chunk + 1) * CHUNK_ROWS).min(rows);
             let bytes: Vec<u8> =
-                (chunk * CHUNK_POINTS..end).flat_map(|row| (row as u32).to_le_bytes()).collect();
+                (chunk * CHUNK_ROWS..end).flat_map(|row| (row as u32).to_le_bytes()).collect();
             let mut checksum = Crc::new();
             checksum.update(&bytes);
             Ok((bytes, checksum))
@@ -204,7 +217,7 @@ mod tests {
         let mut checksum = Crc::new();
         checksum.update(&whole[6..length as usize - 4]);
         assert_eq!(whole[length as usize - 4..], checksum.sum().to_be_bytes());
-        let chunk = (CHUNK_POINTS * 4) as u64;
+        let chunk = (CHUNK_ROWS * 4) as u64;
         for span in [0..3, 2..9, 5 + chunk..8 + chunk, length - 9..length - 2, length - 1..length, 7..length]
         {
             assert_eq!(sealed(span.clone()).await, whole[span.start as usize..span.end as usize], "{span:?}");
@@ -217,7 +230,7 @@ mod tests {
             if chunk == 1 {
                 Err(Problem::new(super::super::problem::Kind::Internal, "damaged"))
             } else {
-                Ok(vec![0; CHUNK_POINTS * 4])
+                Ok(vec![0; CHUNK_ROWS * 4])
             }
         });
         assert!(axum::body::to_bytes(body, usize::MAX).await.is_err());

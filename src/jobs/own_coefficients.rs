@@ -7,14 +7,18 @@ use super::analyses::Results;
 use crate::cloud::PointCloud;
 use crate::harmonics::filtered::Target;
 use crate::harmonics::{Block, Function, Transformed, transform};
-use crate::store::{CHUNK_POINTS, StoredCoefficients};
+use crate::store::StoredCoefficients;
 
 /// Bases that are in memory beside the result.
 const BATCH: usize = 16;
 
-/// Coefficients of the coordinates and of every field without numbers that are not finite; in the same blocks of rows as
-/// those that are computed from stored bases, and so with the same bits.
-pub(super) fn own_coefficients(cloud: &PointCloud, results: &dyn Results) -> Vec<StoredCoefficients> {
+/// Coefficients of the coordinates and of every field without numbers that are not finite; in blocks of as many rows as the
+/// bases are stored in, and so with the same bits as those that are computed from stored bases.
+pub(super) fn own_coefficients(
+    cloud: &PointCloud,
+    results: &dyn Results,
+    chunk_points: usize,
+) -> Vec<StoredCoefficients> {
     let mass = results.mass();
     let targets = std::iter::once(Target::Coordinates)
         .chain((0..cloud.fields().len()).map(|place| Target::Fields(vec![place])));
@@ -25,11 +29,11 @@ pub(super) fn own_coefficients(cloud: &PointCloud, results: &dyn Results) -> Vec
     for first in (0..results.bases()).step_by(BATCH) {
         let end = results.bases().min(first + BATCH);
         let bases: Vec<Vec<f64>> = (first..end).into_par_iter().map(|j| results.basis(j)).collect();
-        let starts: Vec<usize> = (0..cloud.len()).step_by(CHUNK_POINTS).collect();
+        let starts: Vec<usize> = (0..cloud.len()).step_by(chunk_points).collect();
         let partials: Vec<_> = starts
             .into_par_iter()
             .map(|first| {
-                let rows = first..cloud.len().min(first + CHUNK_POINTS);
+                let rows = first..cloud.len().min(first + chunk_points);
                 let columns = bases.iter().map(|basis| &basis[rows.clone()]).collect();
                 transform::partial(&Block { first, columns }, &mass, &values)
             })

@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use super::{Compute, ComputeError};
 use crate::harmonics::Block;
-use crate::store::{CHUNK_POINTS, Store, StoreError, StoredCoefficients};
+use crate::store::{JobRecord, Store, StoreError, StoredCoefficients};
 
 /// Blocks that are read or worked on at once; fewer when a block is larger than [`AHEAD_BYTES`] over this.
 const AHEAD: usize = 4;
@@ -36,15 +36,17 @@ pub struct StoredBases {
     compute: Compute,
     job: Uuid,
     rows: usize,
+    block_rows: usize,
     bases: usize,
     kept: Option<Vec<Arc<Block<Vec<f64>>>>>,
 }
 
 impl StoredBases {
-    /// `bases` bases of `rows` rows.
+    /// The first `bases` bases of a job.
     #[must_use]
-    pub fn new(store: Store, compute: Compute, job: Uuid, rows: usize, bases: usize) -> Self {
-        Self { store, compute, job, rows, bases, kept: None }
+    pub fn new(store: Store, compute: Compute, job: &JobRecord, bases: usize) -> Self {
+        let (rows, block_rows) = (job.points as usize, job.chunk_points);
+        Self { store, compute, job: job.id, rows, block_rows, bases, kept: None }
     }
 
     /// The first `count` of them only, where they are not kept already.
@@ -68,10 +70,16 @@ impl StoredBases {
         self.rows
     }
 
-    /// Number of blocks of [`CHUNK_POINTS`] rows, the last of which may be shorter.
+    /// Rows of a block; the last may be shorter.
+    #[must_use]
+    pub fn block_rows(&self) -> usize {
+        self.block_rows
+    }
+
+    /// Number of blocks.
     #[must_use]
     pub fn blocks(&self) -> usize {
-        self.rows.div_ceil(CHUNK_POINTS)
+        self.rows.div_ceil(self.block_rows)
     }
 
     /// What the coordinates and fields of the cloud itself are in them, where that was stored.
@@ -88,7 +96,7 @@ impl StoredBases {
     /// [`BasesError`].
     pub async fn block(&self, block: usize) -> Result<Block<Vec<f64>>, BasesError> {
         let columns = self.store.bases_chunk(self.job, 0, self.bases, block).await?;
-        Ok(Block { first: block * CHUNK_POINTS, columns })
+        Ok(Block { first: block * self.block_rows, columns })
     }
 
     /// What `work` makes of one block.
@@ -145,7 +153,7 @@ impl StoredBases {
         F: Fn(Block<Vec<f64>>) -> T + Send + Sync + 'static,
     {
         let work = Arc::new(work);
-        let block_bytes = CHUNK_POINTS.min(self.rows) * self.bases * size_of::<f64>();
+        let block_bytes = self.block_rows.min(self.rows) * self.bases * size_of::<f64>();
         let ahead = (AHEAD_BYTES / block_bytes.max(1)).clamp(1, AHEAD);
         stream::iter(0..self.blocks())
             .map(|block| {

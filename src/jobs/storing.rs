@@ -47,7 +47,8 @@ pub(super) async fn store_arrays(
     if results.bases() > 0 {
         let cloud = store.load_cloud(claim.job.cloud_id).await?;
         let computed = Arc::clone(results);
-        let own = compute.run(move || own_coefficients(&cloud, &*computed)).await?;
+        let chunk_points = claim.job.chunk_points;
+        let own = compute.run(move || own_coefficients(&cloud, &*computed, chunk_points)).await?;
         store.put_coefficients(claim, own).await?;
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
-use super::StoreError;
+use super::{CHUNK_POINTS, StoreError};
 use crate::cloud::ScalarType;
 
 /// SHA-256.
@@ -64,6 +64,18 @@ impl ArrayDigest {
 pub(super) struct Chunked {
     pub(super) chunks: Vec<(Checksum, Vec<u8>)>,
     pub(super) digest: Checksum,
+}
+
+/// Bytes of a chunk of all bases of a job, at most, as long as that leaves [`BASIS_CHUNK_POINTS_MIN`] rows. Whoever serves
+/// bases row by row has a few such chunks in memory: read, encoded, and being sent.
+const BASES_CHUNK_BYTES: usize = 4 << 20;
+/// Rows of a chunk, at least: below, the database's rows would be more keys and checksums than numbers.
+const BASIS_CHUNK_POINTS_MIN: usize = 64;
+
+/// Rows per chunk of a job of so many bases. A power of two: chunks of one job begin where those of another do.
+pub(super) fn basis_chunk_points(bases: usize) -> usize {
+    let fitting = BASES_CHUNK_BYTES / (size_of::<f64>() * bases.max(1));
+    fitting.checked_ilog2().map_or(0, |power| 1 << power).clamp(BASIS_CHUNK_POINTS_MIN, CHUNK_POINTS)
 }
 
 /// Cuts `values` into chunks of `length` numbers.
@@ -198,6 +210,17 @@ mod tests {
             assert_eq!(write_exactly(&[value], ScalarType::Uint8).0, ScalarType::Float64, "{value}");
         }
         assert_eq!(write_exactly(&[0.1], ScalarType::Float32).0, ScalarType::Float64);
+    }
+
+    #[test]
+    fn a_chunk_of_all_bases_is_bounded_in_bytes_and_few_bases_have_long_ones() {
+        for (bases, points) in [(0, 8192), (1, 8192), (64, 8192), (65, 4096), (100, 4096), (1000, 512)] {
+            assert_eq!(basis_chunk_points(bases), points, "{bases}");
+        }
+        for bases in 1..=8192 {
+            assert!(8 * bases * basis_chunk_points(bases) <= BASES_CHUNK_BYTES, "{bases}");
+        }
+        assert_eq!(basis_chunk_points(1_000_000), BASIS_CHUNK_POINTS_MIN);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use uuid::Uuid;
 
 use super::arrays::{Number, checksum, read_checked};
-use super::reading::finished_points;
+use super::reading::finished;
 use super::rows::integer;
 use super::{Claim, Store, StoreError, detached};
 
@@ -59,7 +59,7 @@ impl Store {
     /// [`StoreError::NoResult`], [`StoreError`].
     pub async fn coefficients(&self, job: Uuid) -> Result<Vec<StoredCoefficients>, StoreError> {
         let mut snapshot = self.read().await?;
-        finished_points(&mut snapshot, job).await?;
+        finished(&mut snapshot, job).await?;
         let rows: Vec<(String, f64, Vec<u8>, Vec<u8>)> = sqlx::query_as(
             "SELECT name, energy, checksum, numbers FROM coefficients WHERE job_id = ?1 ORDER BY place",
         )

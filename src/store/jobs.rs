@@ -6,6 +6,7 @@ use futures_util::TryStreamExt;
 use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
+use super::arrays::basis_chunk_points;
 use super::rows::{from_word, integer, job_record, job_with_id, select_jobs, to_json, word};
 use super::{CloudRecord, JobRecord, JobState, Owner, Page, Store, StoreError, detached};
 use crate::analysis::{JobKind, Parameters, memory_estimate};
@@ -156,6 +157,7 @@ impl Store {
         parameters: &Parameters,
     ) -> Result<(JobRecord, bool), StoreError> {
         let memory = memory_estimate(cloud.points, cloud.dimension, cloud.faces, kind, parameters);
+        let chunk_points = basis_chunk_points(parameters.bases);
         // Fields in the order of their declaration, numbers in their shortest form: equal parameters, equal text.
         let (kind, parameters) = (word(&kind)?, to_json(parameters)?);
         let same = sqlx::query(concat!(
@@ -178,8 +180,8 @@ impl Store {
         self.refuse_when_full(connection).await?;
         let id = Uuid::now_v7();
         sqlx::query(
-            "INSERT INTO jobs (id, owner, cloud_id, created, kind, parameters, memory, state) \
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, 'queued')",
+            "INSERT INTO jobs (id, owner, cloud_id, created, kind, parameters, memory, chunk_points, state) \
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, 'queued')",
         )
         .bind(id)
         .bind(cloud.owner.name())
@@ -188,6 +190,7 @@ impl Store {
         .bind(kind)
         .bind(parameters)
         .bind(integer(memory))
+        .bind(integer(chunk_points))
         .execute(&mut *connection)
         .await?;
         Ok((job_with_id(connection, id).await?, true))

@@ -41,7 +41,8 @@ pub use records::{
 pub use results::{ArrayName, BasisValues, Numbers};
 pub use settings::{Clock, StoreSettings};
 
-/// Points per chunk: every array of n numbers is stored as rows of this many little-endian numbers.
+/// Points per chunk: every array of n numbers is stored as rows of this many little-endian numbers; bases of fewer, when
+/// there are many of them (see [`JobRecord::chunk_points`]).
 pub const CHUNK_POINTS: usize = 8192;
 
 /// Milliseconds since the Unix epoch.

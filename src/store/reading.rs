@@ -6,7 +6,7 @@ use uuid::Uuid;
 
 use super::arrays::{ArrayDigest, Number, read_checked};
 use super::rows::{count, integer};
-use super::{ArrayName, CHUNK_POINTS, Store, StoreError, off_thread};
+use super::{ArrayName, Store, StoreError, off_thread};
 use crate::analysis::SparseMatrix;
 
 impl Store {
@@ -16,7 +16,7 @@ impl Store {
     /// [`StoreError::NoResult`], [`StoreError`].
     pub async fn basis(&self, job: Uuid, index: usize) -> Result<Vec<f64>, StoreError> {
         let mut snapshot = self.read().await?;
-        let points = finished_points(&mut snapshot, job).await?;
+        let Finished { points, chunk_points } = finished(&mut snapshot, job).await?;
         let digest: Option<Vec<u8>> =
             sqlx::query_scalar("SELECT digest FROM bases WHERE job_id = ?1 AND idx = ?2")
                 .bind(job)
@@ -24,7 +24,7 @@ impl Store {
                 .fetch_optional(&mut *snapshot)
                 .await?;
         let digest = digest.ok_or(StoreError::NoResult)?;
-        let chunks = points.div_ceil(CHUNK_POINTS);
+        let chunks = points.div_ceil(chunk_points);
         let rows = sqlx::query(
             "WITH RECURSIVE numbers (chunk) AS \
              (SELECT 0 UNION ALL SELECT chunk + 1 FROM numbers WHERE chunk + 1 < ?3) \
@@ -39,8 +39,8 @@ impl Store {
         off_thread(move || join(index, points, &rows, &digest)).await
     }
 
-    /// Values of bases `first .. first + count` in the rows of chunk `chunk` (see [`CHUNK_POINTS`]): one vector per
-    /// basis.
+    /// Values of bases `first .. first + count` in the rows of chunk `chunk` (see [`super::JobRecord::chunk_points`]): one
+    /// vector per basis.
     ///
     /// # Errors
     /// [`StoreError::NoResult`], [`StoreError`].
@@ -52,12 +52,12 @@ impl Store {
         chunk: usize,
     ) -> Result<Vec<Vec<f64>>, StoreError> {
         let mut snapshot = self.read().await?;
-        let points = finished_points(&mut snapshot, job).await?;
+        let Finished { points, chunk_points } = finished(&mut snapshot, job).await?;
         let bases: i64 = sqlx::query_scalar("SELECT count(*) FROM bases WHERE job_id = ?1")
             .bind(job)
             .fetch_one(&mut *snapshot)
             .await?;
-        if chunk >= points.div_ceil(CHUNK_POINTS) || first.saturating_add(count) > bases as usize {
+        if chunk >= points.div_ceil(chunk_points) || first.saturating_add(count) > bases as usize {
             return Err(StoreError::NoResult);
         }
         let rows = sqlx::query(
@@ -70,7 +70,7 @@ impl Store {
         .bind(integer(first + count))
         .fetch_all(&mut *snapshot)
         .await?;
-        let length = CHUNK_POINTS.min(points - chunk * CHUNK_POINTS);
+        let length = chunk_points.min(points - chunk * chunk_points);
         off_thread(move || {
             if rows.len() != count {
                 return Err(StoreError::Damaged(format!("chunk {chunk} lacks {} bases", count - rows.len())));
@@ -86,7 +86,7 @@ impl Store {
     /// [`StoreError::NoResult`], [`StoreError`].
     pub async fn mass(&self, job: Uuid) -> Result<Vec<f64>, StoreError> {
         let mut snapshot = self.read().await?;
-        finished_points(&mut snapshot, job).await?;
+        finished(&mut snapshot, job).await?;
         read_array(&mut snapshot, job, ArrayName::Mass).await
     }
 
@@ -96,7 +96,7 @@ impl Store {
     /// [`StoreError::NoResult`], [`StoreError`].
     pub async fn operator_matrix(&self, job: Uuid) -> Result<SparseMatrix, StoreError> {
         let mut snapshot = self.read().await?;
-        finished_points(&mut snapshot, job).await?;
+        finished(&mut snapshot, job).await?;
         Ok(SparseMatrix {
             offsets: read_array(&mut snapshot, job, ArrayName::Offsets).await?,
             columns: read_array(&mut snapshot, job, ArrayName::Columns).await?,
@@ -105,20 +105,31 @@ impl Store {
     }
 }
 
-/// Rows of the cloud of a job that succeeded.
-pub(super) async fn finished_points(
-    connection: &mut SqliteConnection,
-    job: Uuid,
-) -> Result<usize, StoreError> {
+/// How the result of a job is laid out.
+pub(super) struct Finished {
+    /// Rows of its cloud.
+    pub(super) points: usize,
+    /// Rows of a chunk of its bases.
+    pub(super) chunk_points: usize,
+}
+
+/// The layout of a job that succeeded.
+pub(super) async fn finished(connection: &mut SqliteConnection, job: Uuid) -> Result<Finished, StoreError> {
     let row = sqlx::query(
-        "SELECT j.state = 'succeeded' AS succeeded, c.points FROM jobs j JOIN clouds c ON c.id = j.cloud_id \
-         WHERE j.id = ?1",
+        "SELECT j.state = 'succeeded' AS succeeded, j.chunk_points, c.points \
+         FROM jobs j JOIN clouds c ON c.id = j.cloud_id WHERE j.id = ?1",
     )
     .bind(job)
     .fetch_optional(connection)
     .await?
     .ok_or(StoreError::NotFound)?;
-    if row.try_get("succeeded")? { Ok(count(&row, "points")? as usize) } else { Err(StoreError::NoResult) }
+    if !row.try_get::<bool, _>("succeeded")? {
+        return Err(StoreError::NoResult);
+    }
+    Ok(Finished {
+        points: count(&row, "points")? as usize,
+        chunk_points: count(&row, "chunk_points")?.max(1) as usize,
+    })
 }
 
 async fn read_array<T: Number + Send + 'static>(

@@ -103,6 +103,8 @@ pub struct JobRecord {
     pub progress: f64,
     /// Bytes that the analysis is estimated to take.
     pub memory: u64,
+    /// Rows per chunk of its bases.
+    pub chunk_points: usize,
     /// Claims so far, except those that an orderly stop gave back.
     pub attempt: u32,
     /// Somebody asked to cancel it.

@@ -103,11 +103,12 @@ impl Store {
         for basis in &bases {
             check_basis(basis, claim.job.points)?;
         }
+        let chunk_points = claim.job.chunk_points;
         detached(async move {
             let chunked = off_thread(move || {
                 Ok(bases
                     .into_iter()
-                    .map(|basis| (cut(basis.index, &basis.values, CHUNK_POINTS), basis))
+                    .map(|basis| (cut(basis.index, &basis.values, chunk_points), basis))
                     .map(|(cut, basis)| (cut, BasisValues { values: Vec::new(), ..basis }))
                     .collect::<Vec<_>>())
             })
@@ -161,7 +162,7 @@ impl Store {
         .fetch_one(connection)
         .await?;
         let bases = bases.unwrap_or(0);
-        let expected_chunks = bases * (claim.job.points as usize).div_ceil(CHUNK_POINTS);
+        let expected_chunks = bases * (claim.job.points as usize).div_ceil(claim.job.chunk_points);
         // The mass, and for an operator job the three arrays of its matrix.
         let expected_arrays = if claim.job.kind == JobKind::Operator { 4 } else { 1 };
         let expected = (integer(bases), integer(bases), integer(expected_chunks), expected_arrays);

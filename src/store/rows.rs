@@ -17,7 +17,7 @@ macro_rules! select_jobs {
     ($report:literal) => {
         concat!(
             "SELECT j.id, j.cloud_id, j.created, j.kind, j.parameters, j.state, j.phase, j.progress, j.phase_seconds, \
-             j.memory, j.attempt, j.cancel_requested, j.started, j.finished, j.failure, c.points, ",
+             j.memory, j.chunk_points, j.attempt, j.cancel_requested, j.started, j.finished, j.failure, c.points, ",
             $report,
             " AS report, CASE j.state WHEN 'queued' THEN \
              (SELECT count(*) FROM jobs q WHERE q.state = 'queued' AND q.id < j.id) END AS queue_position \
@@ -81,6 +81,7 @@ pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         phase,
         progress: row.try_get("progress")?,
         memory: count(row, "memory")?,
+        chunk_points: count(row, "chunk_points")? as usize,
         attempt: count(row, "attempt")? as u32,
         cancel_requested: row.try_get("cancel_requested")?,
         queue_position: queued_before.map(|position| position as u64),

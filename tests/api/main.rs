@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on has failed
 
+mod chunks;
 mod conventions;
 mod formats;
 mod harmonics;

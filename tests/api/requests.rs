@@ -112,6 +112,25 @@ async fn a_client_that_never_ends_its_head_is_closed() {
 }
 
 #[tokio::test]
+async fn clients_that_say_nothing_before_or_after_a_request_are_closed_while_others_are_served() {
+    let service = Service::with_settings(|settings| settings.header_seconds = 1).await;
+    let address = service.app.address();
+    let idle = ["", "GET /livez HTTP/1.1\r\nHost: x\r\n\r\n"].map(|said| {
+        tokio::task::spawn_blocking(move || {
+            let mut stream = TcpStream::connect(address).unwrap();
+            stream.write_all(said.as_bytes()).unwrap();
+            let mut heard = Vec::new();
+            stream.read_to_end(&mut heard).unwrap();
+            assert_eq!(heard.starts_with(b"HTTP/1.1 200 OK"), !said.is_empty());
+        })
+    });
+    assert_eq!(service.get("/livez").await.status(), StatusCode::OK);
+    for client in idle {
+        client.await.unwrap();
+    }
+}
+
+#[tokio::test]
 async fn the_type_of_a_problem_leads_somewhere() {
     let service = Service::start().await;
     let refused = problem(service.get("/nothing").await, StatusCode::NOT_FOUND, "not-found").await;

@@ -16,7 +16,7 @@ pub(crate) struct File {
     pub(crate) bytes: Vec<u8>,
 }
 
-fn file(name: impl Into<String>, format: Option<Format>, bytes: impl Into<Vec<u8>>) -> File {
+pub(crate) fn file(name: impl Into<String>, format: Option<Format>, bytes: impl Into<Vec<u8>>) -> File {
     File { name: name.into(), format, bytes: bytes.into() }
 }
 
@@ -287,7 +287,7 @@ fn by_hand() -> Vec<File> {
 }
 
 /// A large file of a format, made when it is needed.
-type Make = Box<dyn Fn() -> File>;
+pub(crate) type Make = Box<dyn Fn() -> File>;
 
 /// Files of many megabytes with as many numbers as fit, so that memory follows what is in them.
 pub(crate) fn large_files() -> Vec<Make> {

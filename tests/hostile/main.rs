@@ -8,6 +8,7 @@
 
 mod files;
 mod mutations;
+mod scans;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -19,6 +20,7 @@ use uuid::Uuid;
 
 use files::{File, hostile_files, large_files, seeds};
 use mutations::mutated;
+use scans::large_scans;
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
@@ -94,7 +96,7 @@ fn no_file_makes_a_reader_panic_or_take_more_memory_than_it_may() {
         found.extend(faults(file, options()));
     }
     let mut most: (f64, String) = (0.0, String::new());
-    for make in large_files() {
+    for make in large_files().into_iter().chain(large_scans()) {
         let file = make();
         let format = file.format.unwrap();
         let options = ReadOptions { policy: NonFinite::Drop, ..ReadOptions::default() };

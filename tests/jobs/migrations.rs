@@ -1,15 +1,21 @@
 //! Databases of earlier versions are taken over with everything in them.
 
-use chladni::store::{JobState, Owner};
+use chladni::store::{CHUNK_POINTS, JobState, Owner};
 use sqlx::ConnectOptions;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteSynchronous};
 
-use crate::stage::{Stage, basis, bits, cloud, parameters, succeeded};
+use uuid::Uuid;
 
-/// A database as the first version left it, made from one of today: the same rows in the tables of the first migration.
-async fn of_the_first_version(stage: &Stage) {
+use crate::stage::{Stage, basis, bits, cloud, complete, parameters, submit};
+
+/// A database as the first version left it, with a result of n points, made from one of today: the same rows in the tables
+/// of the first migration, all in chunks of the same length.
+async fn of_the_first_version(stage: &Stage, n: usize, bases: usize) {
     let store = stage.open().await;
-    succeeded(&store, 50, 2).await;
+    submit(&store, &cloud(n, 7), bases).await;
+    stage.tamper("UPDATE jobs SET chunk_points = 8192").await;
+    let claim = store.claim(Uuid::now_v7()).await.unwrap().unwrap();
+    complete(&store, &claim).await.unwrap();
     store.close().await;
     let old = stage.path().with_file_name("old.db");
     let options = SqliteConnectOptions::new().filename(&old).create_if_missing(true);
@@ -44,7 +50,7 @@ async fn of_the_first_version(stage: &Stage) {
 #[tokio::test]
 async fn a_database_of_the_first_version_keeps_its_clouds_and_results() {
     let stage = Stage::new();
-    of_the_first_version(&stage).await;
+    of_the_first_version(&stage, 50, 2).await;
     let store = stage.open().await;
     let jobs = store.jobs(&Owner::nobody(), None, None, None, 10).await.unwrap().items;
     assert_eq!(jobs.len(), 1);
@@ -60,9 +66,24 @@ async fn a_database_of_the_first_version_keeps_its_clouds_and_results() {
 }
 
 #[tokio::test]
+async fn many_bases_in_the_chunks_of_the_first_version_are_still_read() {
+    let (n, bases) = (CHUNK_POINTS + 9, 100);
+    let stage = Stage::new();
+    of_the_first_version(&stage, n, bases).await;
+    let store = stage.open().await;
+    let old = store.jobs(&Owner::nobody(), None, None, None, 10).await.unwrap().items.swap_remove(0);
+    assert_eq!(old.chunk_points, CHUNK_POINTS);
+    assert_eq!(bits(&store.basis(old.id, 99).await.unwrap()), bits(&basis(n, 99)));
+    let tail = store.bases_chunk(old.id, 98, 2, 1).await.unwrap();
+    assert_eq!(bits(&tail[1]), bits(&basis(n, 99)[CHUNK_POINTS..]));
+    let new = submit(&store, &cloud(n, 8), bases).await;
+    assert!(new.chunk_points < CHUNK_POINTS, "a new job of as many bases has shorter ones");
+}
+
+#[tokio::test]
 async fn a_migration_that_a_crash_left_unrecorded_runs_again() {
     let stage = Stage::new();
-    of_the_first_version(&stage).await;
+    of_the_first_version(&stage, 50, 2).await;
     let migrations = sqlx::migrate!("./migrations");
     let second = migrations.iter().nth(1).unwrap();
     sqlx::raw_sql(second.sql.clone()).execute(&mut stage.file().await).await.unwrap();

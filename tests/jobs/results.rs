@@ -43,6 +43,28 @@ async fn bases_read_by_column_and_by_chunk_are_the_bits_that_were_stored() {
 }
 
 #[tokio::test]
+async fn many_bases_are_stored_in_chunks_of_a_few_megabytes() {
+    let (n, count) = (1100, 1000);
+    let stage = Stage::new();
+    let store = stage.open().await;
+    let job = succeeded(&store, n, count).await;
+    let rows = store.job(job).await.unwrap().chunk_points;
+    assert!(8 * rows * count <= 4 << 20, "{rows} rows of {count} bases");
+    let mut values = vec![Vec::new(); 2];
+    for chunk in 0..n.div_ceil(rows) {
+        let read = store.bases_chunk(job, 998, 2, chunk).await.unwrap();
+        values.iter_mut().zip(read).for_each(|(all, part)| all.extend(part));
+    }
+    for (values, j) in values.iter().zip(998..) {
+        assert_eq!(bits(values), bits(&basis(n, j)));
+        assert_eq!(bits(&store.basis(job, j).await.unwrap()), bits(values));
+    }
+    let beyond = store.bases_chunk(job, 0, 1, n.div_ceil(rows)).await;
+    assert!(matches!(beyond, Err(StoreError::NoResult)));
+    stage.assert_sound().await;
+}
+
+#[tokio::test]
 async fn what_lies_beyond_the_bases_or_the_points_is_no_result() {
     let stage = Stage::new();
     let store = stage.open().await;

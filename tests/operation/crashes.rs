@@ -7,7 +7,7 @@
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -21,6 +21,9 @@ use crate::process::{Process, sphere, submit};
 const SUBMISSIONS: usize = 3;
 const BASES: usize = 3;
 
+/// A log that is not written to for so long has nothing more to come.
+const QUIET: Duration = Duration::from_millis(200);
+
 /// How far a running job is, as the database tells.
 const CLAIMED: &str = "SELECT count(*) FROM jobs WHERE state = 'running'";
 const MASS_STORED: &str =
@@ -28,12 +31,21 @@ const MASS_STORED: &str =
 const BASES_STORED: &str =
     "SELECT count(*) FROM jobs j JOIN bases b ON b.job_id = j.id WHERE j.state = 'running'";
 
+/// All is stored but the end.
+const ALL_STORED: &str =
+    "SELECT count(*) FROM jobs j JOIN coefficients c ON c.job_id = j.id WHERE j.state = 'running'";
+/// A result is visible.
+const FINISHED: &str = "SELECT count(*) FROM jobs WHERE state = 'succeeded'";
+
 /// When to kill.
 #[derive(Debug, Clone, Copy)]
 enum Moment {
     After(Duration),
-    /// As soon as this counts something, or nothing is left to do.
-    When(&'static str),
+    /// As soon as this counts more than it did before, or nothing is left to do: between two transactions.
+    When(&'static str, i64),
+    /// As soon as the write-ahead log has been written to so often, or has not for a while: within a transaction, or while
+    /// it is committed.
+    Writing(usize),
 }
 
 fn number(variable: &str, otherwise: u64) -> u64 {
@@ -55,7 +67,7 @@ async fn kill_at(process: &mut Process, database: &Path, moment: Moment) {
             tokio::time::sleep(pause).await;
             process.kill();
         }
-        Moment::When(reached) => {
+        Moment::When(reached, before) => {
             let mut file = open(database).await;
             loop {
                 sqlx::query("BEGIN IMMEDIATE").execute(&mut file).await.unwrap();
@@ -64,12 +76,25 @@ async fn kill_at(process: &mut Process, database: &Path, moment: Moment) {
                     "SELECT NOT EXISTS (SELECT 1 FROM jobs WHERE state IN ('queued', 'running'))",
                 )
                 .await;
-                if idle == 1 || count(&mut file, reached).await > 0 {
+                if idle == 1 || count(&mut file, reached).await > before {
                     process.kill();
                     break;
                 }
                 sqlx::query("ROLLBACK").execute(&mut file).await.unwrap();
             }
+        }
+        Moment::Writing(times) => {
+            let log = database.with_extension("db-wal");
+            let written = || std::fs::metadata(&log).map(|log| (log.len(), log.modified().unwrap())).ok();
+            let (mut last, mut seen, mut quiet) = (written(), 0, Instant::now());
+            while seen < times && quiet.elapsed() < QUIET {
+                let now = written();
+                if now != last {
+                    (last, seen, quiet) = (now, seen + 1, Instant::now());
+                }
+                tokio::task::yield_now().await;
+            }
+            process.kill();
         }
     }
 }
@@ -109,6 +134,7 @@ async fn whatever_is_killed_when_no_acknowledged_job_is_lost_and_no_result_is_pa
     let acknowledged = Arc::new(Mutex::new(Vec::new()));
     for round in 0..rounds {
         let mut process = Process::start(&database);
+        let finished = count(&mut open(&database).await, FINISHED).await;
         let clouds: Vec<_> = (0..SUBMISSIONS).map(|_| sphere(random.random_range(30..130))).collect();
         let (client, address, told) =
             (process.client.clone(), process.address.clone(), Arc::clone(&acknowledged));
@@ -120,13 +146,16 @@ async fn whatever_is_killed_when_no_acknowledged_job_is_lost_and_no_result_is_pa
                 told.lock().unwrap().push(job);
             }
         });
-        let moment = match random.random_range(0..6) {
-            0 => Moment::When(CLAIMED),
-            1 => Moment::When(MASS_STORED),
-            2 => Moment::When(BASES_STORED),
+        let moment = match random.random_range(0..10) {
+            0 => Moment::When(CLAIMED, 0),
+            1 => Moment::When(MASS_STORED, 0),
+            2 => Moment::When(BASES_STORED, 0),
+            3 => Moment::When(ALL_STORED, 0),
+            4 => Moment::When(FINISHED, finished),
+            5 | 6 => Moment::Writing(random.random_range(1..30)),
             _ => Moment::After(Duration::from_millis(random.random_range(0..150))),
         };
-        if matches!(moment, Moment::When(_)) {
+        if matches!(moment, Moment::When(..)) {
             // There is something to wait for.
             while acknowledged.lock().unwrap().is_empty() && !submitting.is_finished() {
                 tokio::task::yield_now().await;

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // clippy.toml exempts test functions, but not what they share
 
 mod backup;
+mod cancel;
 mod crashes;
 mod load;
 mod logs;

@@ -34,10 +34,12 @@ fn read_scan(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadErro
     if points == 0 {
         return Err(crate::cloud::CloudError::Empty.into());
     }
-    packets::check_streams(bytes, scan)?;
+    let queued_bytes = packets::check_streams(bytes, scan)?;
 
     let roles = Roles::of(&scan.prototype);
     let mut columns = Columns::leading(&roles.columns(scan.transform.is_some()), 3, &options.limits)?;
+    options.limits.memory(columns.bytes_of(points).and_then(|bytes| bytes.checked_add(queued_bytes)))?;
+    columns.reserve(points)?;
     let pose = scan.transform.clone();
     let mut row = Vec::new();
     for (index, point) in file.pointcloud_raw(scan).map_err(refuse)?.enumerate() {

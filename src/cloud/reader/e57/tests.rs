@@ -31,6 +31,18 @@ fn file(prototype: &[Record], scans: &[(Option<Transform>, Vec<Vec<RecordValue>>
     bytes.into_inner()
 }
 
+/// A file of one point, with its description changed.
+fn described(prototype: &[Record], point: Vec<RecordValue>, change: impl Fn(String) -> String) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = E57Writer::new(&mut bytes, "file").unwrap();
+    let mut scan = writer.add_pointcloud("scan", prototype.to_vec()).unwrap();
+    scan.add_point(point).unwrap();
+    scan.finalize().unwrap();
+    writer.finalize_customized_xml(|xml| Ok(change(xml))).unwrap();
+    drop(writer);
+    bytes.into_inner()
+}
+
 fn cartesian(more: &[Record]) -> Vec<Record> {
     use RecordName::{CartesianX, CartesianY, CartesianZ};
     let axes = [CartesianX, CartesianY, CartesianZ].map(|name| record(name, DOUBLE));
@@ -114,7 +126,7 @@ fn damaged_files_are_refused() {
     let mut long = bytes.clone();
     long[32..40].copy_from_slice(&5_000_000_u64.to_le_bytes());
     let error = read(&long, &ReadOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("its description has 5000000 bytes; up to 4194304 are accepted"), "{error}");
+    assert!(error.contains("its description has 5000000 bytes; up to 786432 are accepted"), "{error}");
 }
 
 #[test]
@@ -129,7 +141,46 @@ fn packets_in_which_one_attribute_runs_ahead_are_refused() {
     let bytes = packets_of(&[32_768, 8, 8], 10);
     lopsided.file_offset = 0;
     let error = packets::check_streams(&bytes, &lopsided).unwrap_err().to_string();
-    assert!(error.contains("one attribute has"), "{error}");
+    assert!(error.contains("values wait"), "{error}");
+    // None of many runs ahead by a million, all together do.
+    let mut many = scan(u64::MAX);
+    let bit = record(RecordName::RowIndex, RecordDataType::Integer { min: 0, max: 1 });
+    many.prototype.splice(0..2, vec![bit; 20]);
+    many.file_offset = 0;
+    let bytes = packets_of(&[[2000; 20].as_slice(), &[8]].concat(), 10);
+    let error = packets::check_streams(&bytes, &many).unwrap_err().to_string();
+    assert!(error.contains("values wait"), "{error}");
+}
+
+#[test]
+fn points_of_constants_alone_are_refused() {
+    use RecordName::{CartesianX, CartesianY, CartesianZ};
+    // The crate does not write them: they become constants in the description.
+    let bit = RecordDataType::Integer { min: 6, max: 7 };
+    let prototype = [CartesianX, CartesianY, CartesianZ].map(|name| record(name, bit.clone()));
+    let values = vec![RecordValue::Integer(7); 3];
+    let bytes = described(&prototype, values, |xml| xml.replace("minimum=\"6\"", "minimum=\"7\""));
+    let constant = RecordDataType::Integer { min: 7, max: 7 };
+    let error = read(&bytes, &ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("constants"), "{error}");
+    let mixed = cartesian(&[record(RecordName::Intensity, constant)]);
+    let point = |x| [doubles(&[x, 2.0, 3.0]), vec![RecordValue::Integer(7)]].concat();
+    let cloud =
+        read(&file(&mixed, &[(None, vec![point(1.0), point(2.0)])]), &ReadOptions::default()).unwrap();
+    assert_eq!(cloud.fields()[0].values, [7.0, 7.0], "a constant beside others is a field");
+}
+
+#[test]
+fn a_description_of_more_attributes_than_any_has_is_refused() {
+    let with = |count: usize| {
+        let attributes = (0..count).map(|i| format!(" a{i}=\">\"")).collect::<Vec<_>>().concat();
+        let more = |xml: String| xml.replace("</e57Root>", &format!("<e{attributes}/></e57Root>"));
+        let bytes = described(&cartesian(&[]), doubles(&[1.0, 2.0, 3.0]), more);
+        read(&bytes, &ReadOptions::default())
+    };
+    assert_eq!(with(900).unwrap().len(), 1);
+    let error = with(1001).unwrap_err().to_string();
+    assert!(error.contains("more than 1000 attributes"), "{error}");
 }
 
 fn e57_scan(bytes: &[u8], records: u64) -> e57::PointCloud {

@@ -1,0 +1,94 @@
+//! A cancellation ends its job at once, in whatever phase it is, and the computation soon.
+//!
+//! 20,000 points by default; `CHLADNI_CANCEL_POINTS=600000` is the measured run, which also holds the bound on time.
+
+use std::time::{Duration, Instant};
+
+use chladni::progress::Phase;
+use serde_json::Value;
+
+use crate::process::{Process, sphere};
+
+/// Between two looks at the job or the metrics.
+const PACE: Duration = Duration::from_millis(20);
+
+/// What the running analyses are estimated to take, until the last of them has let go of it.
+async fn memory_taken(process: &Process) -> f64 {
+    let metrics = String::from_utf8(process.bytes("/metrics").await).unwrap();
+    let taken = metrics.lines().find_map(|line| line.strip_prefix("chladni_job_memory_bytes "));
+    taken.unwrap().parse().unwrap()
+}
+
+/// The phase of a job once it is `wanted` or a later one, or the job has ended.
+async fn phase(process: &Process, job: &str, wanted: Phase) -> Option<Phase> {
+    loop {
+        let job = process.json(&format!("/jobs/{job}")).await;
+        let reached = Phase::ALL.into_iter().find(|phase| job["phase"] == phase.name());
+        match job["state"].as_str() {
+            Some("running") if reached >= Some(wanted) => return reached,
+            Some("queued" | "running") => tokio::time::sleep(PACE).await,
+            _ => return None,
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_canceled_job_ends_at_once_in_every_phase_and_lets_go_of_what_it_took() {
+    let measured = std::env::var("CHLADNI_CANCEL_POINTS").ok();
+    let points = measured.as_deref().map_or(20_000, |points| points.parse().unwrap());
+    let directory = tempfile::tempdir().unwrap();
+    let process = Process::start(&directory.path().join("cancel.db"));
+    let stored = process.client.post(format!("{}/clouds?analyze=false", process.address));
+    let stored: Value = stored.body(sphere(points)).send().await.unwrap().json().await.unwrap();
+    let jobs = format!("{}/clouds/{}/jobs", process.address, stored["cloud"]["id"].as_str().unwrap());
+    let before = crate::memory::resident(process.id());
+    crate::memory::forget_peak(process.id());
+    let (mut ends, mut returns) = (Vec::new(), Vec::new());
+    for operator in ["voronoi", "pb-mhb"] {
+        for wanted in Phase::ALL {
+            let asked = serde_json::json!({ "bases": 100, "operator": operator });
+            let job: Value =
+                process.client.post(&jobs).json(&asked).send().await.unwrap().json().await.unwrap();
+            let id = job["job"]["id"].as_str().unwrap();
+            let Some(reached) = phase(&process, id, wanted).await else {
+                // It was faster than the test, and is not to be found when it is asked for again.
+                process.client.delete(format!("{}/jobs/{id}", process.address)).send().await.unwrap();
+                continue;
+            };
+            let asked = Instant::now();
+            process.client.post(format!("{}/jobs/{id}/cancel", process.address)).send().await.unwrap();
+            let state = process.ended(id).await["state"].clone();
+            if state == "succeeded" {
+                process.client.delete(format!("{}/jobs/{id}", process.address)).send().await.unwrap();
+                continue;
+            }
+            assert_eq!(state, "canceled");
+            ends.push(asked.elapsed());
+            while memory_taken(&process).await > 0.0 {
+                tokio::time::sleep(PACE).await;
+            }
+            returns.push(asked.elapsed());
+            println!(
+                "{operator} in {}: {:?}, computed until {:?}",
+                reached.name(),
+                ends.last(),
+                returns.last()
+            );
+        }
+    }
+    let (longest, last) = (ends.iter().max().unwrap(), returns.iter().max().unwrap());
+    let (peak, after) = (crate::memory::peak(process.id()), crate::memory::resident(process.id()));
+    println!(
+        "{} cancellations of jobs on {points} points: terminal after {longest:?} at most, not computing after {last:?}; \
+         resident memory {} MiB before, {} MiB at most, {} MiB after",
+        ends.len(),
+        before >> 20,
+        peak >> 20,
+        after >> 20
+    );
+    assert!(ends.len() >= 4, "hardly anything was canceled: nothing was tried");
+    if measured.is_some() {
+        assert!(*longest < Duration::from_secs(1), "{longest:?}");
+        assert!(after < before + (peak - before) / 4, "{after} of {peak}");
+    }
+}
