@@ -294,7 +294,7 @@ mod tests {
         let (whole, b) = (block(1_300, 4), block(1_300, 2));
         let mut a = Block::<f32>::zeros(1_300, 4);
         a.copy_columns(0, &whole, 0, 4);
-        let mut back = Block::zeros(1_300, 4);
+        let mut back = Block::<f64>::zeros(1_300, 4);
         back.copy_columns(0, &a, 0, 4);
         assert!((0..1_300).all(|i| back.row(i).iter().zip(whole.row(i)).all(|(x, y)| (x - y).abs() < 1e-7)));
         let (single, double) = (gram_from(&a, 1, &b), gram_from(&back, 1, &b));
