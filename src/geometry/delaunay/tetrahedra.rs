@@ -185,8 +185,7 @@ impl Tetrahedra {
         while let Some(&old) = self.cavity.get(done) {
             done += 1;
             let Tetrahedron { corners, across, .. } = self.all[old as usize];
-            for side in 0..4 {
-                let other = across[side];
+            for (side, other) in across.into_iter().enumerate() {
                 let seen = self.all[other as usize].seen;
                 if seen == (self.round << 1 | 1) {
                     continue;
