@@ -98,17 +98,20 @@ pub(crate) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     let mut tables = Vec::new();
     for experiment in wanted {
         let began = Instant::now();
-        let mut table = (experiment.run)(extent)?;
+        // one that cannot be computed takes no other with it
+        let mut table =
+            (experiment.run)(extent).unwrap_or_else(|failure| Table::missing(experiment.name, &failure));
         table.finish(experiment.name, began.elapsed().as_secs_f64());
         println!("{}", table.markdown());
         tables.push(table);
+        // after each: an hour's figures are not lost with the last table
+        if let Some(path) = &args.output {
+            output::write_file(path, |out| {
+                std::io::Write::write_all(out, report(&tables, args.full).as_bytes())
+            })?;
+        }
     }
     let missed: usize = tables.iter().map(Table::missed).sum();
-    if let Some(path) = &args.output {
-        output::write_file(path, |out| {
-            std::io::Write::write_all(out, report(&tables, args.full).as_bytes())
-        })?;
-    }
     if missed > 0 {
         return Err(Failure::Other(format!("{missed} figures are outside their bounds")));
     }

@@ -48,4 +48,10 @@ pub enum CloudError {
         /// Number of points.
         points: usize,
     },
+    /// A triangle continues a polygon that it does not share a side from the first corner with.
+    #[error("triangle {triangle} does not continue the polygon of the triangle before it")]
+    Polygon {
+        /// The triangle.
+        triangle: usize,
+    },
 }

@@ -63,7 +63,8 @@ pub enum NonFinite {
 
 /// A cloud of n points in `R^d`, row for row as uploaded.
 ///
-/// Invariants: `1 ≤ d ≤ 8`, n ≥ 1, every field has n values, every face index is below n.
+/// Invariants: `1 ≤ d ≤ 8`, n ≥ 1, every field has n values, every face index is below n, a polygon is a fan of
+/// consecutive triangles around its first corner.
 /// Rows with a non-finite coordinate exist only when the caller chose [`NonFinite::Drop`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointCloud {
@@ -73,6 +74,8 @@ pub struct PointCloud {
     grids: Option<[Grid; 3]>,
     fields: Vec<ScalarField>,
     faces: Vec<[u32; 3]>,
+    /// Triangles that continue the polygon of the one before, ascending.
+    continued: Vec<u32>,
     nonfinite: usize,
 }
 
@@ -112,6 +115,7 @@ impl PointCloud {
             grids: None,
             fields: Vec::new(),
             faces: Vec::new(),
+            continued: Vec::new(),
             nonfinite,
         })
     }
@@ -159,6 +163,30 @@ impl PointCloud {
             }
         }
         self.faces = faces;
+        self.continued = Vec::new();
+        Ok(self)
+    }
+
+    /// Says which triangles are parts of polygons: those at `continued`, ascending, belong to the polygon of the
+    /// triangle before, whose first and last corner they go on from.
+    ///
+    /// # Errors
+    /// [`CloudError::Polygon`] for a triangle that does not go on from the one before.
+    pub fn with_polygons(mut self, continued: Vec<u32>) -> Result<Self, CloudError> {
+        let mut last = 0;
+        for &triangle in &continued {
+            let place = triangle as usize;
+            let goes_on = triangle > last
+                && self.faces.get(place).is_some_and(|corners| {
+                    let before = self.faces[place - 1];
+                    corners[..2] == [before[0], before[2]]
+                });
+            if !goes_on {
+                return Err(CloudError::Polygon { triangle: place });
+            }
+            last = triangle;
+        }
+        self.continued = continued;
         Ok(self)
     }
 
@@ -211,6 +239,27 @@ impl PointCloud {
         &self.faces
     }
 
+    /// Triangles, by their index, that continue the polygon of the one before; empty for a mesh of triangles.
+    #[must_use]
+    pub fn continued(&self) -> &[u32] {
+        &self.continued
+    }
+
+    /// The faces as the upload had them: a triangle, or the fan of triangles that a polygon became.
+    pub fn polygons(&self) -> impl Iterator<Item = &[[u32; 3]]> {
+        let mut continued = self.continued.iter().peekable();
+        let mut start = 0;
+        std::iter::from_fn(move || {
+            let mut end = start + 1;
+            while continued.next_if(|&&triangle| triangle as usize == end).is_some() {
+                end += 1;
+            }
+            let fan = self.faces.get(start..end)?;
+            start = end;
+            Some(fan)
+        })
+    }
+
     /// Number of rows with a non-finite coordinate.
     #[must_use]
     pub fn nonfinite(&self) -> usize {
@@ -231,5 +280,29 @@ impl PointCloud {
             }
         }
         Some((low, high))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polygons_are_fans_of_consecutive_triangles() {
+        let mesh = PointCloud::new(1, vec![0.0; 6], NonFinite::Reject)
+            .unwrap()
+            .with_faces(vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 2, 5], [1, 5, 3]])
+            .unwrap();
+        let sizes = |continued: Vec<u32>| -> Result<Vec<usize>, CloudError> {
+            Ok(mesh.clone().with_polygons(continued)?.polygons().map(<[_]>::len).collect())
+        };
+        assert_eq!(sizes(vec![]), Ok(vec![1; 5]));
+        assert_eq!(sizes(vec![1, 2, 4]), Ok(vec![3, 2]));
+        assert_eq!(sizes(vec![2]), Ok(vec![1, 2, 1, 1]));
+        for (continued, triangle) in
+            [(vec![0], 0), (vec![3], 3), (vec![5], 5), (vec![2, 1], 1), (vec![1, 1], 1)]
+        {
+            assert_eq!(sizes(continued), Err(CloudError::Polygon { triangle }));
+        }
     }
 }

@@ -1,19 +1,22 @@
 //! Delaunay triangulations of the few points of one tangent space.
 
+mod tetrahedra;
+
 use spade::{DelaunayTriangulation, HasPosition, Point2, Triangulation};
 
-use super::polytope::{Polyhedron, Polytope, Site, dot};
+use self::tetrahedra::Tetrahedra;
+use super::polytope::{determinant, dot};
 
-/// Cells of the dual start from a box this many times the extent of the points: corners beyond belong to simplices so
-/// flat that they carry no volume.
-const BOX_FACTOR: f64 = 1e4;
-
-/// Sites that the first shell around a site holds, about.
-const FIRST_SHELL: usize = 48;
-
-/// Shear that decides which diagonal a square gets. On exact grids four points lie on every circle; rounding would choose
-/// at random, and the volumes around sites would scatter by a third.
+/// Shear that decides which diagonal a square gets, and a cube. On exact grids four points lie on every circle; rounding
+/// would choose at random, and the volumes around sites would scatter by a third. In space it shears y and z as well, by
+/// other shares, so that no two diagonals are alike.
 const SHEAR: f64 = 1e-9;
+
+/// Tetrahedra with less than this share of the volume that their sides could span are too flat for a centre.
+const FLAT: f64 = 1e-6;
+
+/// Rounding of the centres and radii of others, more than ever occurs.
+const SLACK: f64 = 1e-6;
 
 /// Volume of all Delaunay simplices around every site, counting those simplices of which all corners satisfy `counts`.
 ///
@@ -57,12 +60,26 @@ impl HasPosition for Vertex {
     }
 }
 
+/// Coordinates in units of the extent: spade refuses those below 2^-142, and predicates underflow; so small ones are
+/// rounding here.
+struct Unit {
+    extent: f64,
+}
+
+impl Unit {
+    fn of<const K: usize>(sites: &[[f64; K]]) -> Self {
+        Self { extent: sites.iter().flatten().fold(0.0_f64, |extent, x| extent.max(x.abs())) }
+    }
+
+    fn scaled(&self, x: f64) -> f64 {
+        if x.abs() > f64::EPSILON * self.extent { x / self.extent } else { 0.0 }
+    }
+}
+
 fn triangles<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool, volume: &mut [f64]) {
-    // in units of the extent: spade refuses coordinates below 2^-142, and so small ones are rounding here
-    let extent = sites.iter().flatten().fold(0.0_f64, |extent, x| extent.max(x.abs()));
-    let scaled = |x: f64| if x.abs() > f64::EPSILON * extent { x / extent } else { 0.0 };
+    let unit = Unit::of(sites);
     let vertex = |(index, at): (usize, &[f64; K])| {
-        let (x, y) = (scaled(at[0]), scaled(at[1]));
+        let (x, y) = (unit.scaled(at[0]), unit.scaled(at[1]));
         // areas do not change
         Vertex { at: Point2::new(x + SHEAR * y, y), index }
     };
@@ -73,56 +90,79 @@ fn triangles<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool,
         let corners = face.vertices().map(|vertex| vertex.data().index);
         if corners.iter().all(|&i| counts(i)) {
             for i in corners {
-                volume[i] += face.area() * extent * extent;
+                volume[i] += face.area() * unit.extent * unit.extent;
             }
         }
     }
 }
 
-/// The corners of a site's Voronoi cell are dual to the tetrahedra around it.
+/// A simplex of sites that all count is one of the triangulation of these alone, with none of the others inside of its
+/// ball. Within half of the radius there are an eighth of the sites.
 fn tetrahedra<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool, volume: &mut [f64]) {
-    let at = |i: usize| -> [f64; 3] { std::array::from_fn(|axis| sites[i][axis]) };
-    let extent = (0..sites.len()).map(|i| dot(&at(i), &at(i))).fold(0.0, f64::max).sqrt();
-    let mut along: Vec<u32> = (0..sites.len() as u32).collect();
-    along.sort_unstable_by(|&a, &b| at(a as usize)[0].total_cmp(&at(b as usize)[0]).then(a.cmp(&b)));
-    let first_reach = extent * (FIRST_SHELL as f64 / sites.len() as f64).cbrt();
-    let mut cell = Polyhedron::default();
-    let mut others: Vec<(f64, u32)> = Vec::with_capacity(sites.len());
-    for i in (0..sites.len()).filter(|&i| counts(i)) {
-        let offset = |j: u32| -> [f64; 3] { std::array::from_fn(|axis| at(j as usize)[axis] - at(i)[axis]) };
-        cell.reset(BOX_FACTOR * extent);
-        // shell by shell, nearest first: a few are enough as a rule, and the others need not be sorted
-        let (mut inner, mut reach) = (-1.0, first_reach);
-        while inner < 2.0 * extent && 0.25 * inner * inner.abs() <= cell.squared_radius() {
-            let x = |&j: &u32| at(j as usize)[0] - at(i)[0];
-            let window = along.partition_point(|j| x(j) < -reach)..along.partition_point(|j| x(j) <= reach);
-            let squared = |&j: &u32| (dot(&offset(j), &offset(j)), j);
-            let shell = |&(squared, j): &(f64, u32)| {
-                j as usize != i && squared > inner * inner.abs() && squared <= reach * reach
-            };
-            others.clear();
-            others.extend(along[window].iter().map(squared).filter(shell));
-            others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            for &(squared, neighbor) in &others {
-                if squared > 4.0 * cell.squared_radius() {
-                    break;
-                }
-                cell.clip(Site { at: offset(neighbor), neighbor });
+    let unit = Unit::of(sites);
+    let at = |i: usize| -> [f64; 3] {
+        let [x, y, z] = std::array::from_fn(|axis| unit.scaled(sites[i][axis]));
+        [x + SHEAR * y + 0.6 * SHEAR * z, y + 0.8 * SHEAR * z, z]
+    };
+    let (inner, outer): (Vec<usize>, Vec<usize>) = (0..sites.len()).partition(|&i| counts(i));
+    let delaunay = Tetrahedra::of(inner.iter().map(|&i| at(i)));
+    // by their distance from the origin, of which a ball reaches a part only
+    let mut others: Vec<(f64, [f64; 3])> =
+        outer.into_iter().map(|i| (dot(&at(i), &at(i)).sqrt(), at(i))).collect();
+    others.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    for corners in delaunay.corners() {
+        let indices = corners.map(|corner| inner[corner as usize]);
+        let holds = |site: &[f64; 3]| delaunay.ball_holds(corners, *site);
+        let is_crossed = match ball_around(indices.map(at)) {
+            Some((center, radius)) => {
+                let reach = dot(&center, &center).sqrt() + radius;
+                let is_near = |site: &[f64; 3]| {
+                    let offset = difference(site, &center);
+                    dot(&offset, &offset) <= radius * radius
+                };
+                let reached = others.iter().take_while(|other| other.0 <= reach);
+                reached.into_iter().any(|(_, site)| is_near(site) && holds(site))
             }
-            (inner, reach) = (reach, 1.5 * reach);
+            None => others.iter().any(|(_, site)| holds(site)),
+        };
+        if !is_crossed {
+            let [origin, ends @ ..] = indices.map(|i| std::array::from_fn(|axis| sites[i][axis]));
+            let share = determinant(&ends.map(|end| difference(&end, &origin))).abs() / 6.0;
+            for i in indices {
+                volume[i] += share;
+            }
         }
-        volume[i] = cell
-            .corners()
-            .filter(|corner| {
-                !corner.is_open() && corner.sites.iter().all(|site| counts(site.neighbor as usize))
-            })
-            .map(|corner| corner.simplex_volume())
-            .sum();
     }
+}
+
+/// Centre and radius, a little too large, of the ball around a tetrahedron; none when it is all but flat.
+fn ball_around([origin, ends @ ..]: [[f64; 3]; 4]) -> Option<([f64; 3], f64)> {
+    let rows = ends.map(|end| difference(&end, &origin));
+    let whole = determinant(&rows);
+    let squares = rows.map(|row| dot(&row, &row));
+    if whole * whole <= FLAT * FLAT * squares.iter().product::<f64>() {
+        return None;
+    }
+    // where the bisectors of the three sides meet: ∑ |u|² (v × w) / 2 det(u, v, w)
+    let offset: [f64; 3] = std::array::from_fn(|axis| {
+        let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+        let part = |i: usize| {
+            let (v, w) = (rows[(i + 1) % 3], rows[(i + 2) % 3]);
+            squares[i] * (v[next] * w[last] - v[last] * w[next])
+        };
+        (part(0) + part(1) + part(2)) / (2.0 * whole)
+    });
+    let center = std::array::from_fn(|axis| origin[axis] + offset[axis]);
+    Some((center, dot(&offset, &offset).sqrt() * (1.0 + SLACK)))
+}
+
+fn difference(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::polytope::{Corner, Polyhedron, Polytope, Site};
     use super::*;
 
     fn around<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool) -> Vec<f64> {
@@ -186,7 +226,66 @@ mod tests {
             space.push(std::array::from_fn(|axis| if corner >> axis & 1 == 1 { 1.0 } else { -1.0 }));
         }
         let volume: f64 = around(&space, |_| true).iter().sum::<f64>() / 4.0;
-        // but for slivers on the hull, whose circumcentres are beyond the box or lost in rounding
-        assert!(volume < 8.0 + 1e-9 && volume > 7.9, "{volume}");
+        assert!((volume - 8.0).abs() < 1e-12, "{volume}");
+    }
+
+    /// What the corners of Voronoi cells, which are dual to tetrahedra, say.
+    fn by_cells(sites: &[[f64; 3]], counts: impl Fn(usize) -> bool) -> Vec<f64> {
+        let around = |i: usize| {
+            let mut cell = Polyhedron::default();
+            cell.reset(1e4);
+            for (neighbor, site) in sites.iter().enumerate() {
+                cell.clip(Site { at: difference(site, &sites[i]), neighbor: neighbor as u32 });
+            }
+            let all_count = |corner: &Corner<3>| {
+                !corner.is_open() && corner.sites.iter().all(|site| counts(site.neighbor as usize))
+            };
+            cell.corners().filter(all_count).map(|corner| corner.simplex_volume()).sum()
+        };
+        (0..sites.len()).map(|i| if counts(i) { around(i) } else { 0.0 }).collect()
+    }
+
+    #[test]
+    fn tetrahedra_are_those_of_the_voronoi_cells() {
+        let sites = scattered::<3>(500);
+        let inside = |i: usize| dot(&sites[i], &sites[i]) < 0.36;
+        let (found, expected) = (around(&sites, inside), by_cells(&sites, inside));
+        assert!(expected.iter().filter(|&&volume| volume > 0.0).count() > 40);
+        for (i, (a, b)) in found.iter().zip(&expected).enumerate() {
+            assert!((a - b).abs() < 1e-12, "{i}: {a} {b}");
+        }
+    }
+
+    #[test]
+    fn on_a_cubic_grid_turned_by_any_angle_every_inner_point_has_the_same_tetrahedra() {
+        // of whichever way a cube is cut, four cubes' worth of corners belong to each point: 4 × volume 1
+        for turn in [0.0_f64, 0.3, 1.0] {
+            let (sine, cosine) = turn.sin_cos();
+            let node = |k: usize| {
+                let [x, y, z] = [k % 6, k / 6 % 6, k / 36].map(|i| i as f64 - 2.5);
+                let (x, y) = (cosine * x - sine * y, sine * x + cosine * y);
+                [x, cosine * y - sine * z, sine * y + cosine * z]
+            };
+            let sites: Vec<[f64; 3]> = (0..216).map(node).collect();
+            let volume = around(&sites, |_| true);
+            let is_inner = |k: &usize| [k % 6, k / 6 % 6, k / 36].iter().all(|i| (1..5).contains(i));
+            for k in (0..216).filter(is_inner) {
+                assert!((volume[k] - 4.0).abs() < 1e-6, "turned by {turn}: {}", volume[k]);
+            }
+        }
+    }
+
+    #[test]
+    fn points_of_a_plane_or_at_one_place_have_no_tetrahedra() {
+        let plane: Vec<[f64; 3]> = scattered::<2>(50).into_iter().map(|[x, y]| [x, y, x + y]).collect();
+        for sites in [plane, vec![[0.5; 3]; 20], vec![[0.0; 3]], Vec::new()] {
+            assert!(around(&sites, |_| true).iter().all(|volume| volume.abs() < 1e-15));
+        }
+        // coinciding points share
+        let mut sites = scattered::<3>(30);
+        let once: f64 = around(&sites, |_| true).iter().sum();
+        sites.extend(sites.clone());
+        let twice: f64 = around(&sites, |_| true).iter().sum();
+        assert!((once - twice).abs() < 1e-12);
     }
 }

@@ -7,8 +7,11 @@ use crate::cloud::PointCloud;
 const SLIVER: f64 = 1e-12;
 
 /// Triangles as indices of points.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Triangles(Vec<[u32; 3]>);
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Triangles {
+    list: Vec<[u32; 3]>,
+    shares: Vec<f64>,
+}
 
 impl Triangles {
     /// The cloud's faces, those left out that have no area: a corner twice (duplicates are merged), a corner without a
@@ -16,19 +19,44 @@ impl Triangles {
     #[must_use]
     pub fn of(cloud: &PointCloud, points: &Points) -> Self {
         let place = |row: u32| points.of_row(row as usize).map(|point| point as u32);
-        let merged = cloud.faces().iter().filter_map(|&[a, b, c]| Some([place(a)?, place(b)?, place(c)?]));
-        Self(merged.filter(|&corners| has_area(points, corners)).collect())
+        let merged = |&[a, b, c]: &[u32; 3]| Some([place(a)?, place(b)?, place(c)?]);
+        let mut triangles = Self { list: Vec::new(), shares: vec![0.0; points.len()] };
+        let mut corners = Vec::new();
+        for polygon in cloud.polygons() {
+            corners.clear();
+            let mut area_of_all = 0.0;
+            for triangle in polygon.iter().filter_map(merged) {
+                corners.extend(triangle);
+                if has_area(points, triangle) {
+                    triangles.list.push(triangle);
+                    area_of_all += area(points, triangle);
+                }
+            }
+            corners.sort_unstable();
+            corners.dedup();
+            for &corner in &corners {
+                triangles.shares[corner as usize] += area_of_all / corners.len() as f64;
+            }
+        }
+        triangles
+    }
+
+    /// The area of every face divided equally among its corners, `∑ Area(t)/#t` over the faces t of a point [MESH eq. 1];
+    /// that of a polygon is the area of the triangles that it became. In length², none when the cloud has no faces.
+    #[must_use]
+    pub fn shares(&self) -> &[f64] {
+        &self.shares
     }
 
     /// All triangles.
     pub fn iter(&self) -> impl Iterator<Item = [u32; 3]> {
-        self.0.iter().copied()
+        self.list.iter().copied()
     }
 
     /// Whether there is none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.list.is_empty()
     }
 }
 

@@ -16,7 +16,8 @@ pub enum OperatorKind {
     Pcd,
     /// The symmetric part ½(L+Lᵀ) of `pcd` [PBMHB §3.4, §5.1].
     PcdSymmetrized,
-    /// Heat kernel weighted by a third of the incident triangles' areas [MESH eq. 1]; needs faces.
+    /// Heat kernel weighted by the areas of the incident faces, each divided equally among its corners [MESH eq. 1]; needs
+    /// faces.
     Mesh,
     /// Cotangent weights over mixed Voronoi areas [MESH §5; Meyer et al. 2003]; needs faces.
     Cotangent,

@@ -10,8 +10,10 @@ use crate::geometry::polytope::dot;
 use crate::geometry::{Frames, NearestNeighbors, Points, SearchTree};
 use crate::progress::{Canceled, Progress};
 
-/// Default `δ/√(2t)`: simplices count within δ/2, which is where the other kernels cut.
-pub const DELTA_FACTOR: f64 = 8.0;
+/// Default `δ/√(2t)`. Simplices count only with all corners within δ/2, so that the Gaussian is cut up to an edge
+/// nearer than there, and nothing makes up for it: where the other kernels cut, at 8, the first eigenvalues of 8,000
+/// independent points of the sphere are 4.6 % too low, at 10 1.7 %, at 12 1.5 %. The paper's proof wants δ ≥ 10ε.
+pub const DELTA_FACTOR: f64 = 10.0;
 
 /// Nearest points that the authors' program takes the mean distance of, the point itself among them.
 const NEAREST: usize = 10;

@@ -115,6 +115,7 @@ impl Store {
         let record = cloud_with_id(&mut snapshot, id).await?;
         let mut coordinates = Vec::with_capacity(record.points as usize * record.dimension);
         let mut faces = Vec::with_capacity(record.faces as usize);
+        let mut continued = Vec::new();
         let mut fields: Vec<ScalarField> = Vec::with_capacity(record.fields.len());
         for field in &record.fields {
             let values = Vec::with_capacity(record.points as usize);
@@ -132,12 +133,13 @@ impl Store {
                     Part::Coordinates => read_numbers(&row, &mut coordinates)?,
                     Part::Field(field) => read_numbers(&row, &mut fields[field].values)?,
                     Part::Faces => read_faces(&row, &mut faces)?,
+                    Part::Polygons => read_polygons(&row, &mut continued)?,
                 }
                 // Rows that are ready already come without a pause: let others onto this thread between them.
                 tokio::task::yield_now().await;
             }
         }
-        off_thread(move || assemble(&record, coordinates, fields, faces)).await
+        off_thread(move || assemble(&record, coordinates, fields, (faces, continued))).await
     }
 
     /// Whether `id` is a cloud or a job of `owner`.
@@ -279,16 +281,24 @@ fn read_faces(row: &SqliteRow, faces: &mut Vec<[u32; 3]>) -> Result<(), StoreErr
     Err(StoreError::Damaged("a chunk of faces has a broken length".to_owned()))
 }
 
+fn read_polygons(row: &SqliteRow, continued: &mut Vec<u32>) -> Result<(), StoreError> {
+    if content::read_polygons(row.try_get("data")?, continued) {
+        return Ok(());
+    }
+    Err(StoreError::Damaged("a chunk of polygons has a broken length".to_owned()))
+}
+
 /// The cloud that `record` describes, if these are its numbers.
 fn assemble(
     record: &CloudRecord,
     coordinates: Vec<f64>,
     fields: Vec<ScalarField>,
-    faces: Vec<[u32; 3]>,
+    (faces, continued): (Vec<[u32; 3]>, Vec<u32>),
 ) -> Result<PointCloud, StoreError> {
     let cloud = PointCloud::new(record.dimension, coordinates, NonFinite::Drop)
         .and_then(|cloud| cloud.with_fields(fields))
         .and_then(|cloud| cloud.with_faces(faces))
+        .and_then(|cloud| cloud.with_polygons(continued))
         .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?
         .with_coordinate_type(record.coordinate_type)
         .with_grids(record.grids);

@@ -10,7 +10,8 @@ use crate::cloud::{PointCloud, ScalarType};
 /// Prefix of what is hashed; another order or width of the parts gets another number.
 const DIGEST_VERSION: &[u8] = b"chladni cloud 1\0";
 
-/// SHA-256 over dimension, coordinates, fields and faces, each with its length before it and numbers by their bits.
+/// SHA-256 over dimension, coordinates, fields and faces, each with its length before it and numbers by their bits; where
+/// there are polygons, over what makes them of the triangles too.
 ///
 /// The coordinates' type in the file is left out: the same points from a file of floats and one of doubles are the same
 /// cloud.
@@ -26,6 +27,9 @@ pub(super) fn digest(cloud: &PointCloud) -> Result<Checksum, StoreError> {
         add_numbers(&mut hash, &field.values);
     }
     add_numbers(&mut hash, cloud.faces().as_flattened());
+    if !cloud.continued().is_empty() {
+        add_numbers(&mut hash, cloud.continued());
+    }
     Ok(hash.finalize().into())
 }
 
@@ -62,19 +66,22 @@ pub(super) fn duplicates(cloud: &PointCloud) -> u64 {
 pub(super) enum Part {
     Coordinates,
     Faces,
+    /// Which triangles continue the polygon of the one before.
+    Polygons,
     Field(usize),
 }
 
 impl Part {
     /// The parts of a cloud with this many fields.
     pub(super) fn all(fields: usize) -> impl Iterator<Item = Self> {
-        [Self::Coordinates, Self::Faces].into_iter().chain((0..fields).map(Self::Field))
+        [Self::Coordinates, Self::Faces, Self::Polygons].into_iter().chain((0..fields).map(Self::Field))
     }
 
     pub(super) fn name(self) -> String {
         match self {
             Self::Coordinates => "coordinates".to_owned(),
             Self::Faces => "faces".to_owned(),
+            Self::Polygons => "polygons".to_owned(),
             Self::Field(field) => format!("field/{field}"),
         }
     }
@@ -89,6 +96,10 @@ impl Part {
             Self::Faces => {
                 let faces = piece(cloud.faces(), chunk, CHUNK_POINTS)?;
                 Some((ScalarType::Uint32, u32::write(faces.as_flattened())))
+            }
+            Self::Polygons => {
+                let continued = piece(cloud.continued(), chunk, CHUNK_POINTS)?;
+                Some((ScalarType::Uint32, u32::write(continued)))
             }
             Self::Field(field) => {
                 let field = cloud.fields().get(field)?;
@@ -109,6 +120,11 @@ pub(super) fn read_faces(bytes: &[u8], faces: &mut Vec<[u32; 3]>) -> bool {
     let (triangles, rest) = corners.as_chunks::<3>();
     faces.extend_from_slice(triangles);
     whole && rest.is_empty()
+}
+
+/// Appends the triangles' places of a chunk; false when the bytes do not divide into numbers.
+pub(super) fn read_polygons(bytes: &[u8], continued: &mut Vec<u32>) -> bool {
+    u32::read(bytes, continued)
 }
 
 /// Appends the numbers of a chunk of coordinates or of a field.
@@ -151,6 +167,8 @@ mod tests {
             field("a", ScalarType::Uint8, [1.0, 2.0, 4.0]),
             plain.clone().with_faces(vec![[0, 1, 2]]).unwrap(),
             plain.clone().with_faces(vec![[0, 2, 1]]).unwrap(),
+            plain.clone().with_faces(vec![[0, 1, 2], [0, 2, 1]]).unwrap(),
+            plain.clone().with_faces(vec![[0, 1, 2], [0, 2, 1]]).unwrap().with_polygons(vec![1]).unwrap(),
         ];
         let digests: std::collections::HashSet<Checksum> =
             clouds.iter().map(|cloud| digest(cloud).unwrap()).collect();

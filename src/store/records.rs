@@ -55,7 +55,8 @@ impl CloudRecord {
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let numbers = self.points.saturating_mul((self.dimension + self.fields.len()) as u64);
-        numbers.saturating_mul(8).saturating_add(self.faces.saturating_mul(12))
+        // a triangle, and its place in a polygon
+        numbers.saturating_mul(8).saturating_add(self.faces.saturating_mul(12 + 4))
     }
 }
 

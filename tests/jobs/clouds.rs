@@ -39,7 +39,9 @@ fn everything() -> PointCloud {
         .map(|&(kind, end)| ScalarField { name: format!("{kind:?}"), kind, values: extreme(end) })
         .collect();
     fields[6].values[0] = f64::NAN;
-    let faces = (0..n as u32 - 2).map(|i| [i, i + 1, i + 2]).collect();
+    let mut faces: Vec<[u32; 3]> = (0..n as u32 - 2).map(|i| [i, i + 1, i + 2]).collect();
+    // a quadrilateral
+    faces.extend([[0, 1, 2], [0, 2, 3]]);
     PointCloud::new(3, coordinates, NonFinite::Drop)
         .unwrap()
         .with_coordinate_type(ScalarType::Float32)
@@ -47,6 +49,8 @@ fn everything() -> PointCloud {
         .with_fields(fields)
         .unwrap()
         .with_faces(faces)
+        .unwrap()
+        .with_polygons(vec![n as u32 - 1])
         .unwrap()
 }
 
@@ -65,6 +69,7 @@ async fn a_cloud_comes_back_bit_for_bit_with_every_type_of_field_faces_and_missi
     assert_eq!(back.coordinate_type(), ScalarType::Float32);
     assert_eq!(back.grids(), Some(GRIDS));
     assert_eq!(back.faces(), cloud.faces());
+    assert_eq!(back.continued(), cloud.continued());
     assert_eq!(back.nonfinite(), 2);
     assert_eq!(back.fields().len(), KINDS.len());
     for (back, field) in back.fields().iter().zip(cloud.fields()) {

@@ -1,6 +1,6 @@
 //! A table of figures: the paper's, ours, their ratio, and whether ours is within its bound.
 
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 
 /// What a figure has to satisfy.
 #[derive(Debug, Clone, Copy)]
@@ -66,6 +66,13 @@ impl Table {
             name: "",
             seconds: 0.0,
         }
+    }
+
+    /// In place of a table that could not be computed: one figure, which is none and outside of its bound.
+    pub(super) fn missing(name: &str, why: &dyn Display) -> Self {
+        let mut table = Self::new(name, format!("Not computed: {why}."));
+        table.row("all figures", None, f64::NAN, Bound::AtMost(0.0));
+        table
     }
 
     /// Adds a figure.
@@ -158,6 +165,13 @@ mod tests {
         let text = table.markdown();
         assert!(text.contains("| bad | 2.000 | 2.300 | 1.15 | **fail** (≤ 1.1 × paper) |"), "{text}");
         assert!(report(&[table], true).contains("3 figures, 1 outside their bounds"));
+    }
+
+    #[test]
+    fn a_table_that_could_not_be_computed_counts_as_a_figure_outside_its_bound() {
+        let table = Table::missing("T", &"no eigenvalues");
+        assert_eq!(table.missed(), 1);
+        assert!(table.markdown().contains("Not computed: no eigenvalues."));
     }
 
     #[test]

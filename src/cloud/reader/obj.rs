@@ -153,7 +153,8 @@ impl Mesh {
             };
             columns.fields = named.map(field).collect();
         }
-        columns.into_cloud(self.triangles.into_vec(), options)
+        let (triangles, continued) = self.triangles.into_parts();
+        Ok(columns.into_cloud(triangles, options)?.with_polygons(continued)?)
     }
 }
 
@@ -178,6 +179,7 @@ mod tests {
             let cloud = obj(&format!("{points}{face}\r\n")).unwrap();
             assert_eq!(cloud.len(), 4);
             assert_eq!(cloud.faces(), [[0, 1, 2], [0, 2, 3]], "{face}");
+            assert_eq!(cloud.continued(), [1], "{face}");
         }
     }
 

@@ -17,7 +17,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     options.limits.points(header.points)?;
     let columns = read_points(&header, &mut lines, options)?;
     let faces = read_faces(&header, &mut lines, columns.bytes_of(header.points), options)?;
-    columns.into_cloud(faces, options)
+    let (triangles, continued) = faces.into_parts();
+    Ok(columns.into_cloud(triangles, options)?.with_polygons(continued)?)
 }
 
 struct Header {
@@ -106,7 +107,7 @@ fn read_faces(
     lines: &mut Lines<'_>,
     points_bytes: Option<usize>,
     options: &ReadOptions,
-) -> Result<Vec<[u32; 3]>, ReadError> {
+) -> Result<Triangles, ReadError> {
     let mut triangles = Triangles::new(&options.limits, points_bytes);
     let mut corners = Vec::new();
     for face in 0..header.faces {
@@ -127,7 +128,7 @@ fn read_faces(
         }
         triangles.push_fan(&corners)?;
     }
-    Ok(triangles.into_vec())
+    Ok(triangles)
 }
 
 fn next<'a>(lines: &mut Lines<'a>, missing: &str) -> Result<Line<'a>, ReadError> {
@@ -153,6 +154,7 @@ mod tests {
         let cloud = off(SQUARE).unwrap();
         assert_eq!(cloud.len(), 4);
         assert_eq!(cloud.faces(), [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(cloud.polygons().map(<[_]>::len).collect::<Vec<_>>(), [2]);
     }
 
     #[test]

@@ -2,14 +2,16 @@
 
 use super::{Limits, ReadError};
 
-/// Bytes that a triangle, or a corner of a polygon while that is read, takes at most: a triangle itself is twelve, and the
-/// list of them is copied into one of twice the size when it grows.
-const BYTES_EACH: usize = 36;
+/// Bytes that a triangle, or a corner of a polygon while that is read, takes at most: a triangle itself is twelve and its
+/// place in a polygon four, and the lists of them are copied into ones of twice the size when they grow.
+const BYTES_EACH: usize = 48;
 
 /// Corner indices of a face, checked, and the triangles so far.
 #[derive(Debug)]
 pub(super) struct Triangles {
     list: Vec<[u32; 3]>,
+    /// Those that continue the polygon of the one before.
+    continued: Vec<u32>,
     limits: Limits,
     points_bytes: usize,
 }
@@ -18,7 +20,7 @@ impl Triangles {
     /// None yet, beside points that take so many bytes of memory.
     pub(super) fn new(limits: &Limits, points_bytes: Option<usize>) -> Self {
         let points_bytes = points_bytes.unwrap_or(usize::MAX);
-        Self { list: Vec::new(), limits: *limits, points_bytes }
+        Self { list: Vec::new(), continued: Vec::new(), limits: *limits, points_bytes }
     }
 
     /// Refuses a list of so many corners before it is read: as indices, and as the triangles that it becomes.
@@ -37,6 +39,8 @@ impl Triangles {
         }
         // At once: grown by and by, a polygon of a million corners takes twice what it needs.
         self.list.reserve(triangles);
+        let first = self.list.len() as u32;
+        self.continued.extend((first..first + triangles as u32).skip(1));
         self.list.extend(corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]));
         Ok(())
     }
@@ -51,9 +55,9 @@ impl Triangles {
         Ok(())
     }
 
-    /// All triangles.
-    pub(super) fn into_vec(self) -> Vec<[u32; 3]> {
-        self.list
+    /// All triangles, and which of them continue the polygon of the one before.
+    pub(super) fn into_parts(self) -> (Vec<[u32; 3]>, Vec<u32>) {
+        (self.list, self.continued)
     }
 }
 

@@ -162,7 +162,7 @@ impl<K: Hash + Eq> Mesh<K> {
 
     fn into_cloud(self, kind: ScalarType, options: &ReadOptions) -> Result<PointCloud, ReadError> {
         let cloud = PointCloud::new(3, self.coordinates, options.policy)?;
-        Ok(cloud.with_coordinate_type(kind).with_faces(self.triangles.into_vec())?)
+        Ok(cloud.with_coordinate_type(kind).with_faces(self.triangles.into_parts().0)?)
     }
 }
 

@@ -33,7 +33,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         Encoding::Ascii => ascii::read(bytes, &header, &mut ply)?,
         Encoding::Binary(order) => binary::read(bytes, &header, order, &mut ply)?,
     }
-    ply.columns.into_cloud(ply.triangles.into_vec(), options)
+    let (triangles, continued) = ply.triangles.into_parts();
+    Ok(ply.columns.into_cloud(triangles, options)?.with_polygons(continued)?)
 }
 
 /// What is taken out of a file, while it is read.

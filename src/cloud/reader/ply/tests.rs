@@ -125,6 +125,7 @@ fn strips_become_triangles_of_one_orientation() {
         element tristrips 1\nproperty list int int vertex_indices\n";
     let cloud = ply(&ascii(header, body)).unwrap();
     assert_eq!(cloud.faces(), [[0, 1, 2], [2, 1, 3], [2, 1, 3]]);
+    assert!(cloud.continued().is_empty(), "each is a face");
 }
 
 #[test]
