@@ -14,6 +14,7 @@ mod entry;
 mod factorization;
 pub mod general;
 pub mod invariant;
+mod krylov;
 pub mod lobpcg;
 pub mod order;
 pub mod orthogonal;

@@ -3,7 +3,8 @@
 
 use super::block::{Block, column_products};
 use super::cholesky::Cholesky;
-use super::shift_invert::{BLOCK, Complement, rayleigh_ritz};
+use super::krylov::Complement;
+use super::shift_invert::{BLOCK, rayleigh_ritz};
 use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError, certificates};
 use crate::progress::Progress;
