@@ -50,13 +50,15 @@ pub(super) fn assemble(
     let Surface { points, tree, cells, sampling, triangles, .. } = *surface;
     let walls = voronoi::stiffness(cells, progress)?;
     let kernel = || {
-        let kernel = match parameters.parameterization {
-            Some(Parameterization::NearestTen) => {
-                pcd::nearest_ten(points, surface.nearest, parameters.dimension)
-            }
-            _ => parameters.heat_kernel(sampling.epsilon),
+        let (kernel, reach) = if parameters.parameterization == Some(Parameterization::NearestTen) {
+            let kernel = pcd::nearest_ten(points, surface.nearest, parameters.dimension);
+            (kernel, kernel.delta)
+        } else {
+            let kernel = parameters.heat_kernel(sampling.epsilon);
+            // simplices count within half of what is triangulated
+            (kernel, if parameters.operator.is_pcd() { 0.5 * kernel.delta } else { kernel.delta })
         };
-        check_coupling(points, tree, kernel.delta).map(|()| kernel)
+        check_coupling(points, tree, reach).map(|()| kernel)
     };
     let volumes = || cells.volume.clone();
     let (laplacian, narrow) = match parameters.operator {
