@@ -7,6 +7,7 @@ use utoipa::ToSchema;
 use super::block::{Block, column_norms, gram};
 use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem};
+use crate::progress::{Canceled, Progress};
 
 /// Relative gap below which eigenvectors are an arbitrary basis of a common space.
 const CLUSTER_GAP: f64 = 1e-6;
@@ -46,12 +47,15 @@ pub struct Certificates {
 }
 
 /// `‖A y − μ y‖ / (μ + σ)` of every pair.
-#[must_use]
-pub fn residuals(problem: &Problem, pairs: &Eigenpairs) -> Vec<f64> {
+///
+/// # Errors
+/// [`Canceled`].
+pub fn residuals(problem: &Problem, pairs: &Eigenpairs, progress: &Progress) -> Result<Vec<f64>, Canceled> {
     let mut all = Vec::with_capacity(pairs.values.len());
     let mut some = Block::zeros(problem.size(), COLUMNS);
     let mut product = Block::zeros(problem.size(), COLUMNS);
     for first in (0..pairs.values.len()).step_by(COLUMNS) {
+        progress.checkpoint()?;
         let count = COLUMNS.min(pairs.values.len() - first);
         some.set_columns(count);
         some.copy_columns(0, &pairs.vectors, first, count);
@@ -67,7 +71,7 @@ pub fn residuals(problem: &Problem, pairs: &Eigenpairs) -> Vec<f64> {
             column_norms(&product).iter().zip(values).map(|(norm, value)| norm / (value + problem.shift)),
         );
     }
-    all
+    Ok(all)
 }
 
 /// The part of the residual that mixes the two columns of a conjugate pair: `A(u + iv) = (a + ib)(u + iv)` is

@@ -8,7 +8,7 @@ use super::orthogonal::eigen;
 use super::shift_invert::Inverse;
 use super::sparse_product::sparse_product;
 use super::{Problem, SpectrumError, start};
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// Steps, and start vectors, of the conjugate gradients that find the ends of the preconditioned spectrum.
 const STEPS: usize = 10;
@@ -62,7 +62,7 @@ impl Inverse for Chebyshev<'_> {
         false
     }
 
-    fn solve(&self, b: &mut Block) {
+    fn solve(&self, b: &mut Block, progress: &Progress) -> Result<(), Canceled> {
         let columns = b.columns();
         let (middle, half) = (0.5 * (self.ends[0] + self.ends[1]), 0.5 * (self.ends[1] - self.ends[0]));
         let sigma = self.problem.shift;
@@ -74,6 +74,7 @@ impl Inverse for Chebyshev<'_> {
         let mut product = Block::zeros(b.rows(), columns);
         let mut rho = half / middle;
         for _ in 1..self.steps {
+            progress.checkpoint()?;
             sparse_product(&mut product, &self.problem.matrix, &direction);
             residual.for_each_row(|i, row| {
                 for ((r, p), d) in row.iter_mut().zip(product.row(i)).zip(direction.row(i)) {
@@ -91,6 +92,7 @@ impl Inverse for Chebyshev<'_> {
             rho = next;
             b.for_each_row(|i, row| row.iter_mut().zip(direction.row(i)).for_each(|(x, d)| *x += d));
         }
+        progress.checkpoint()
     }
 }
 
@@ -204,7 +206,7 @@ mod tests {
             problem.project_out_null(&mut b);
             let (mut x, mut nearly) = (b.clone(), b.clone());
             exact.solve(&mut x);
-            polynomial.solve(&mut nearly);
+            polynomial.solve(&mut nearly, &Progress::new()).unwrap();
             let symmetric = gram(&b, &nearly);
             assert!((symmetric[(0, 1)] - symmetric[(1, 0)]).abs() < 1e-12 * symmetric[(0, 0)]);
             let sizes = column_products(&x, &b);

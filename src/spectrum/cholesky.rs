@@ -18,7 +18,7 @@ use super::substitution::WIDTH;
 use super::supernodes::Supernodes;
 use super::{SpectrumError, substitution};
 use crate::operator::Sparse;
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// Largest relative residual of the probe after a factorisation. A release of the kernel library once gave silently
 /// wrong factors.
@@ -96,7 +96,7 @@ impl Symbolic {
         if let Some(factor) = self.factorize(matrix, shift, progress)? {
             let factor = Precision::Single(factor);
             let mut cholesky = Cholesky { symbolic: self, matrix, shift, factor, contraction: 0.0 };
-            cholesky.contraction = cholesky.contraction();
+            cholesky.contraction = cholesky.contraction(progress)?;
             if cholesky.contraction <= CONTRACTION_MAX && cholesky.negative_eigenvalues() == 0 {
                 return Ok(cholesky);
             }
@@ -237,7 +237,7 @@ impl Cholesky<'_> {
 
     /// By how much one more solution with the factor reduces the error, of vectors that are drawn to what is nearest to
     /// the shift, where it is largest.
-    fn contraction(&self) -> f64 {
+    fn contraction(&self, progress: &Progress) -> Result<f64, Canceled> {
         let mut b = Block::zeros(self.matrix.rows(), WIDTH);
         super::start::fill(&mut b, 1 << 22);
         let mut x = b.clone();
@@ -245,6 +245,7 @@ impl Cholesky<'_> {
         let mut worst = 0.0_f64;
         let mut sizes = column_norms(&x);
         for _ in 0..2 {
+            progress.checkpoint()?;
             let correction = self.correction(&b, &x);
             add(&mut x, &correction);
             let next = column_norms(&correction);
@@ -253,7 +254,7 @@ impl Cholesky<'_> {
             worst = next.iter().zip(&sizes).map(ratio).fold(worst, f64::max);
             sizes = next;
         }
-        worst
+        Ok(worst)
     }
 
     /// `X ← (L S Lᵀ)⁻¹ X`, which is as good an inverse as the factor.
@@ -289,7 +290,6 @@ fn add(x: &mut Block, y: &Block) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Canceled;
     use crate::spectrum::order::nested_dissection;
     use crate::spectrum::shift_invert::tests::{grid, grid_eigenvalues};
     use crate::spectrum::{SpectrumError, start};

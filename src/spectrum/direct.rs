@@ -3,8 +3,8 @@
 use super::block::Block;
 use super::certificates::MissedCheck;
 use super::cholesky::{Cholesky, Symbolic};
-use super::probe::Towards;
-use super::solver::{Method, Request, Solution, certified, missed_by_probe, with_null_space};
+use super::probe::{Probe, Towards};
+use super::solver::{Method, Request, Solution, certified, with_null_space};
 use super::{Eigenpairs, Problem, SpectrumError, shift_invert, slicing};
 use crate::progress::{Phase, Progress};
 
@@ -62,7 +62,8 @@ pub(super) fn solve<P>(
     let missed = loop {
         let missed = match &factor {
             Some(factor) if !counts => {
-                missed_by_probe(problem, &Towards::Inverse(factor), &pairs, wanted, progress)?
+                let probe = Probe::beside(problem, &Towards::Inverse(factor), &pairs.vectors, progress)?;
+                (Some(probe.below(pairs.values[wanted - 1])), MissedCheck::Probe)
             }
             _ => {
                 // the count has a factor of its own: both at once would be the peak of the whole analysis
@@ -86,7 +87,7 @@ pub(super) fn solve<P>(
     };
     pairs.values.truncate(wanted);
     let pairs = with_null_space(problem, Some(&pairs), request.count);
-    Ok(certified(problem, pairs, request, Method::ShiftInvert, missed))
+    certified(problem, pairs, request, Method::ShiftInvert, missed, progress)
 }
 
 /// The `count` smallest non-zero eigenpairs beside `beside` and the factor that they come from: in single precision where
@@ -137,7 +138,7 @@ fn with_missed<'a>(
     drop(pairs);
     all.copy_columns(known, &others.vectors, 0, more);
     drop(others);
-    Ok((shift_invert::rayleigh_ritz(problem, all)?, factor))
+    Ok((shift_invert::rayleigh_ritz(problem, all, progress)?, factor))
 }
 
 /// Counts the eigenvalues below the last gap between found ones: in a cluster at the end, of which only a part was asked

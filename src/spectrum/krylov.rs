@@ -8,6 +8,7 @@ use super::entry::Entry;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_knowing};
 use super::shift_invert::{BLOCK, Inverse, Nearest};
 use super::{Problem, SpectrumError, start};
+use crate::progress::Progress;
 
 /// A basis of the Krylov space and the projection of the operator onto it.
 pub(super) struct Krylov<V> {
@@ -71,11 +72,12 @@ pub(super) fn expand<V: Entry>(
     inverse: &dyn Inverse,
     krylov: &mut Krylov<V>,
     work: &mut Block,
+    progress: &Progress,
 ) -> Result<(), SpectrumError> {
     let (first, end) = (krylov.processed, krylov.basis.columns());
     work.set_columns(end - first);
     work.copy_columns(0, &krylov.basis, first, end - first);
-    inverse.solve(work);
+    inverse.solve(work, progress)?;
     complement.project(work);
     // a Lanczos product overlaps with its own block and the one before; after a restart, with all
     let taken = orthonormalize_knowing(work, &krylov.basis, krylov.last.start)?;
@@ -184,7 +186,9 @@ pub(super) fn finish<V: Entry>(
     complement: &Complement<'_>,
     mut krylov: Krylov<V>,
     nearest: Nearest,
+    progress: &Progress,
 ) -> Result<Block, SpectrumError> {
+    progress.checkpoint()?;
     let ritz = Ritz::of(&krylov)?;
     let places: Vec<usize> = ritz.nearest(nearest).collect();
     let outside = ritz.outside(&krylov, &places);
@@ -196,10 +200,12 @@ pub(super) fn finish<V: Entry>(
         Some(i) => outside[(i, j)] / ritz.values[places[j]],
     });
     replace_by_product(&mut krylov.basis, change.as_ref());
+    progress.checkpoint()?;
     let basis = krylov.basis.into_first(places.len());
     let mut vectors = Block::zeros(basis.rows(), places.len());
     vectors.copy_columns(0, &basis, 0, places.len());
     drop(basis);
+    progress.checkpoint()?;
     // in a space that is nearly exhausted the last blocks are short, and rounding along the null space is not
     complement.project(&mut vectors);
     Ok(vectors)

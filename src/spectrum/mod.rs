@@ -14,6 +14,7 @@ mod entry;
 mod factorization;
 pub mod general;
 pub mod invariant;
+mod iterative;
 mod krylov;
 pub mod lobpcg;
 pub mod order;

@@ -30,7 +30,7 @@ pub(super) fn polished(
     progress: &Progress,
 ) -> Result<Eigenpairs, SpectrumError> {
     if factor.is_exact() {
-        return rayleigh_ritz(problem, vectors);
+        return rayleigh_ritz(problem, vectors, progress);
     }
     let complement = Complement { problem, beside };
     let mut rough: Vec<usize> = (0..vectors.columns()).collect();
@@ -40,8 +40,8 @@ pub(super) fn polished(
             progress.checkpoint()?;
             correct(&complement, factor, &mut vectors, some);
         }
-        let pairs = rayleigh_ritz(problem, vectors)?;
-        let residuals = certificates::residuals(problem, &pairs);
+        let pairs = rayleigh_ritz(problem, vectors, progress)?;
+        let residuals = certificates::residuals(problem, &pairs, progress)?;
         rough = (0..residuals.len()).filter(|&j| residuals[j] > tolerance).collect();
         if rough.is_empty() {
             return Ok(pairs);
@@ -99,9 +99,11 @@ mod tests {
             let progress = Progress::new();
             ritz_vectors(&problem, shifted, &none, nearest, tolerance, &progress, |share| share).unwrap()
         };
-        let largest =
-            |pairs: &Eigenpairs| certificates::residuals(&problem, pairs).into_iter().fold(0.0, f64::max);
-        assert!(largest(&rayleigh_ritz(&problem, rough()).unwrap()) > 10.0 * tolerance);
+        let largest = |pairs: &Eigenpairs| {
+            let residuals = certificates::residuals(&problem, pairs, &Progress::new()).unwrap();
+            residuals.into_iter().fold(0.0, f64::max)
+        };
+        assert!(largest(&rayleigh_ritz(&problem, rough(), &Progress::new()).unwrap()) > 10.0 * tolerance);
         let polish = |tolerance| polished(&problem, &factor, &none, rough(), tolerance, &Progress::new());
         let pairs = polish(tolerance).unwrap();
         assert!(largest(&pairs) <= tolerance);

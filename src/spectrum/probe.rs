@@ -22,38 +22,51 @@ pub(super) enum Towards<'a> {
     Preconditioned(&'a Preconditioner<'a>),
 }
 
-/// Smallest Ritz value after a few steps from hashed vectors orthogonal to `found` and the null space: an eigenvalue
-/// that the iteration missed shows up as one below those found.
-///
-/// # Errors
-/// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
-pub(super) fn smallest_beside(
-    problem: &Problem,
-    towards: &Towards<'_>,
-    found: &Block,
-    progress: &Progress,
-) -> Result<f64, SpectrumError> {
-    let mut probe = Block::zeros(problem.size(), VECTORS);
-    start::fill(&mut probe, 1 << 20);
-    let mut smallest = f64::INFINITY;
-    let mut product = Block::zeros(problem.size(), VECTORS);
-    for step in 0..STEPS {
-        progress.advance(step as f64 / STEPS as f64)?;
-        match towards {
-            Towards::Inverse(factor) => factor.solve(&mut probe),
-            Towards::Preconditioned(preconditioner) => {
-                let identity = Mat::<f64>::identity(VECTORS, VECTORS);
-                sparse_product(&mut product, &problem.matrix, &probe);
-                add_product(&mut product, -(1.0 / preconditioner.t), &probe, identity.as_ref());
-                preconditioner.apply(&mut product);
-                std::mem::swap(&mut probe, &mut product);
+/// Vectors orthogonal to the pairs that were found and to the null space, and their Ritz values: an eigenvalue that the
+/// iteration missed shows up as one below those found.
+pub(super) struct Probe {
+    values: Vec<f64>,
+    /// Their span.
+    pub(super) vectors: Block,
+}
+
+impl Probe {
+    /// A few steps from hashed vectors.
+    ///
+    /// # Errors
+    /// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
+    pub(super) fn beside(
+        problem: &Problem,
+        towards: &Towards<'_>,
+        found: &Block,
+        progress: &Progress,
+    ) -> Result<Self, SpectrumError> {
+        let mut vectors = Block::zeros(problem.size(), VECTORS);
+        start::fill(&mut vectors, 1 << 20);
+        let mut values = Vec::new();
+        let mut product = Block::zeros(problem.size(), VECTORS);
+        for step in 0..STEPS {
+            progress.advance(step as f64 / STEPS as f64)?;
+            match towards {
+                Towards::Inverse(factor) => factor.solve(&mut vectors),
+                Towards::Preconditioned(preconditioner) => {
+                    let identity = Mat::<f64>::identity(VECTORS, VECTORS);
+                    sparse_product(&mut product, &problem.matrix, &vectors);
+                    add_product(&mut product, -(1.0 / preconditioner.t), &vectors, identity.as_ref());
+                    preconditioner.apply(&mut product);
+                    std::mem::swap(&mut vectors, &mut product);
+                }
             }
+            problem.project_out_null(&mut vectors);
+            orthonormalize(&mut vectors, found)?;
+            sparse_product(&mut product, &problem.matrix, &vectors);
+            (values, _) = eigen(gram(&vectors, &product).as_ref())?;
         }
-        problem.project_out_null(&mut probe);
-        orthonormalize(&mut probe, found)?;
-        sparse_product(&mut product, &problem.matrix, &probe);
-        let (values, _) = eigen(gram(&probe, &product).as_ref())?;
-        smallest = values.first().copied().unwrap_or(smallest).min(smallest);
+        Ok(Self { values, vectors })
     }
-    Ok(smallest)
+
+    /// How many eigenvalues below `bound` there are at least (Courant and Fischer).
+    pub(super) fn below(&self, bound: f64) -> usize {
+        self.values.iter().filter(|&&value| value < bound).count()
+    }
 }

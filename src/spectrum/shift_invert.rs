@@ -12,7 +12,7 @@ use super::orthogonal::{eigen, orthonormalize};
 use super::polish::polished;
 use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError};
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// Vectors multiplied together.
 pub(super) const BLOCK: usize = 16;
@@ -52,15 +52,19 @@ impl Nearest {
 /// `(A − sI)⁻¹`, exactly or nearly.
 pub trait Inverse {
     /// `X ← (A − sI)⁻¹ X`.
-    fn solve(&self, x: &mut Block);
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    fn solve(&self, x: &mut Block, progress: &Progress) -> Result<(), Canceled>;
 
     /// Whether solutions come in single precision: a Krylov space of them needs no more either.
     fn is_single(&self) -> bool;
 }
 
 impl Inverse for Cholesky<'_> {
-    fn solve(&self, x: &mut Block) {
+    fn solve(&self, x: &mut Block, progress: &Progress) -> Result<(), Canceled> {
         Cholesky::solve(self, x);
+        progress.checkpoint()
     }
 
     fn is_single(&self) -> bool {
@@ -170,11 +174,11 @@ fn iterated<V: Entry>(
         while krylov.processed + BLOCK <= room || krylov.processed < count {
             progress.advance(share(1.0 - (-(f64::from(steps)) / steps_expected).exp()))?;
             steps += 1;
-            expand(&complement, shifted.inverse, &mut krylov, &mut work)?;
+            expand(&complement, shifted.inverse, &mut krylov, &mut work, progress)?;
             if krylov.rest.nrows() == 0 {
                 // an invariant space: whatever else there is needs a new direction
                 if krylov.processed >= complement.dimension() {
-                    return finish(&complement, krylov, nearest);
+                    return finish(&complement, krylov, nearest, progress);
                 }
                 fresh_block(&complement, &mut krylov, &mut work, &mut hashed)?;
             }
@@ -184,7 +188,7 @@ fn iterated<V: Entry>(
                 let ritz = Ritz::of(&krylov)?;
                 worst = ritz.worst_residual(&krylov, nearest, shifted.shift, problem.shift);
                 if worst <= FINISHED * tolerance {
-                    return finish(&complement, krylov, nearest);
+                    return finish(&complement, krylov, nearest, progress);
                 }
             }
         }
@@ -196,12 +200,21 @@ fn iterated<V: Entry>(
 /// Ritz pairs of `A` in the span of `vectors`, ascending.
 ///
 /// # Errors
-/// [`SpectrumError::Dense`].
-pub fn rayleigh_ritz(problem: &Problem, mut vectors: Block) -> Result<Eigenpairs, SpectrumError> {
+/// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
+pub fn rayleigh_ritz(
+    problem: &Problem,
+    mut vectors: Block,
+    progress: &Progress,
+) -> Result<Eigenpairs, SpectrumError> {
+    progress.checkpoint()?;
     orthonormalize(&mut vectors, &Block::<f64>::zeros(problem.size(), 0))?;
+    progress.checkpoint()?;
     let mut product = Block::zeros(problem.size(), vectors.columns());
     sparse_product(&mut product, &problem.matrix, &vectors);
+    progress.checkpoint()?;
     let (values, coefficients) = eigen(gram(&vectors, &product).as_ref())?;
+    drop(product);
+    progress.checkpoint()?;
     replace_by_product(&mut vectors, coefficients.as_ref());
     Ok(Eigenpairs::real(values, vectors))
 }

@@ -102,13 +102,14 @@ pub fn solve<'a>(
         last = Some(cut.factor);
         start = end;
     }
-    let mut pairs = rayleigh_ritz(problem, side_by_side(problem.size(), found))?;
+    let mut pairs = rayleigh_ritz(problem, side_by_side(problem.size(), found), progress)?;
     if pairs.values.len() < count {
         return Ok(None);
     }
     pairs.truncate(count);
     // slices that overlap because one of them missed a pair leave a vector that is none
-    let converged = certificates::residuals(problem, &pairs).iter().all(|&residual| residual <= tolerance);
+    let converged =
+        certificates::residuals(problem, &pairs, progress)?.iter().all(|&residual| residual <= tolerance);
     Ok(last.filter(|_| converged).map(|factor| (pairs, factor)))
 }
 

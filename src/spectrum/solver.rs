@@ -5,15 +5,13 @@ use utoipa::ToSchema;
 
 use super::block::Block;
 use super::certificates::{self, Certificates, MissedCheck};
-use super::chebyshev::Chebyshev;
 use super::cholesky::{Cholesky, Symbolic};
 use super::general::GeneralPairs;
-use super::lobpcg::{self, Preconditioner};
+use super::lobpcg::Preconditioner;
 use super::order::nested_dissection;
-use super::probe::{self, Towards};
 use super::shift_invert::{Nearest, Shifted, rayleigh_ritz, ritz_vectors};
 use super::slicing::{self, Weyl};
-use super::{Eigenpairs, Problem, SpectrumError, dense, direct, invariant};
+use super::{Eigenpairs, Problem, SpectrumError, dense, direct, invariant, iterative};
 use crate::operator::{Sparse, Structure};
 use crate::progress::{Phase, Progress};
 
@@ -33,14 +31,9 @@ pub const DENSE_POINTS_MAX_GENERAL: usize = 1_500;
 const DIRECT_ENTRIES_PER_ROW: usize = 600;
 const DIRECT_ENTRIES: usize = 400_000_000;
 
-/// Error of the inverse as a polynomial, as a share of the tolerance, and the most steps that it may take: beyond, LOBPCG
-/// needs fewer products.
-const POLYNOMIAL_ERROR: f64 = 0.8;
-const POLYNOMIAL_STEPS_MAX: usize = 10;
-
 /// Guard vectors of LOBPCG: at least so many, and this share of the wanted.
-const GUARD_MIN: usize = 12;
-const GUARD_SHARE: f64 = 0.2;
+pub(super) const GUARD_MIN: usize = 12;
+pub(super) const GUARD_SHARE: f64 = 0.2;
 
 /// Residual of the narrow operator's eigenvectors that LOBPCG starts from; its own first step is coarser.
 const START_TOLERANCE: f64 = 1e-2;
@@ -115,7 +108,7 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
         progress.enter(Phase::Eigenpairs)?;
         let pairs = dense::solve(problem, count)?;
         progress.enter(Phase::Certificates)?;
-        return Ok(certified(problem, pairs, request, Method::Dense, (Some(0), MissedCheck::Dense)));
+        return certified(problem, pairs, request, Method::Dense, (Some(0), MissedCheck::Dense), progress);
     }
     progress.enter(Phase::Factorization)?;
     let zeros = problem.zero_modes().min(count);
@@ -123,86 +116,36 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64]>(
         let pairs = with_null_space(problem, None, count);
         progress.enter(Phase::Certificates)?;
         // the null space is the smallest there is
-        return Ok(certified(problem, pairs, request, Method::ShiftInvert, (Some(0), MissedCheck::Inertia)));
+        let missed = (Some(0), MissedCheck::Inertia);
+        return certified(problem, pairs, request, Method::ShiftInvert, missed, progress);
     }
     let direct = match request.narrow {
-        None => Some(analyze(&problem.matrix, request)?),
+        None => Some(analyze(&problem.matrix, request, progress)?),
         Some(_) if problem.matrix.nonzeros() / n > 200 => None,
         Some(_) => {
             // slices take factors in double precision
             let most = if count > slicing::SLICE { DIRECT_ENTRIES / 2 } else { DIRECT_ENTRIES };
-            Some(analyze(&problem.matrix, request)?)
+            Some(analyze(&problem.matrix, request, progress)?)
                 .filter(|s| s.factor_entries() <= most.min(n * DIRECT_ENTRIES_PER_ROW))
         }
     };
     match (direct, request.narrow) {
         (Some(symbolic), _) => direct::solve(problem, &symbolic, request, progress),
-        (None, Some(narrow)) => iterative_solve(problem, narrow, request, progress),
+        (None, Some(narrow)) => iterative::solve(problem, narrow, request, progress),
         (None, None) => Err(SpectrumError::Factorization("the operator has no narrow companion".into())),
     }
 }
 
-fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
+pub(super) fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
     matrix: &Sparse,
     request: &Request<'_, P>,
+    progress: &Progress,
 ) -> Result<Symbolic, SpectrumError> {
-    Symbolic::analyze(matrix, nested_dissection(matrix, &request.position))
-}
-
-fn iterative_solve<'a, P: Fn(u32) -> &'a [f64]>(
-    problem: &Problem,
-    narrow: &Sparse,
-    request: &Request<'_, P>,
-    progress: &Progress,
-) -> Result<Solution, SpectrumError> {
-    let symbolic = analyze(narrow, request)?;
-    progress.advance(0.5)?;
-    let factor = symbolic.factor(narrow, problem.shift, progress)?;
-    progress.enter(Phase::Eigenpairs)?;
-    let wanted = request.count - problem.zero_modes();
-    let preconditioner = Preconditioner { factor: &factor, t: request.plateau.unwrap_or(0.0) };
-    let polynomial =
-        Chebyshev::new(problem, &preconditioner, POLYNOMIAL_ERROR * request.tolerance, progress)?;
-    let (mut pairs, method) =
-        if let Some(polynomial) = polynomial.filter(|p| p.steps() <= POLYNOMIAL_STEPS_MAX) {
-            let pairs = polynomial_solve(problem, &polynomial, &preconditioner, wanted, request, progress)?;
-            (pairs, Method::Polynomial)
-        } else {
-            let guard = GUARD_MIN.max((GUARD_SHARE * wanted as f64) as usize);
-            let start = narrow_vectors(problem, narrow, &factor, wanted + guard, progress)?;
-            let rest = |share| 0.3 + 0.7 * share;
-            let pairs =
-                lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, rest)?;
-            (pairs, Method::Lobpcg)
-        };
-    progress.enter(Phase::Certificates)?;
-    let missed =
-        missed_by_probe(problem, &Towards::Preconditioned(&preconditioner), &pairs, wanted, progress)?;
-    pairs.values.truncate(wanted);
-    let pairs = with_null_space(problem, Some(&pairs), request.count);
-    Ok(certified(problem, pairs, request, method, missed))
-}
-
-/// Block Lanczos on the approximate inverse; what its error leaves of the residuals, LOBPCG takes away.
-fn polynomial_solve<P>(
-    problem: &Problem,
-    polynomial: &Chebyshev<'_>,
-    preconditioner: &Preconditioner<'_>,
-    wanted: usize,
-    request: &Request<'_, P>,
-    progress: &Progress,
-) -> Result<Eigenpairs, SpectrumError> {
-    let shifted = Shifted { inverse: polynomial, shift: -problem.shift };
-    let none = Block::zeros(problem.size(), 0);
-    let nearest = Nearest { below: 0, above: wanted };
-    let most = |share| 0.9 * share;
-    let vectors = ritz_vectors(problem, shifted, &none, nearest, request.tolerance, progress, most)?;
-    let pairs = rayleigh_ritz(problem, vectors)?;
-    if certificates::residuals(problem, &pairs).iter().all(|&residual| residual <= request.tolerance) {
-        return Ok(pairs);
-    }
-    let rest = |share| 0.9 + 0.1 * share;
-    lobpcg::solve(problem, preconditioner, pairs.vectors, wanted, request.tolerance, progress, rest)
+    let order = nested_dissection(matrix, &request.position);
+    progress.checkpoint()?;
+    let symbolic = Symbolic::analyze(matrix, order)?;
+    progress.checkpoint()?;
+    Ok(symbolic)
 }
 
 /// Eigenpairs of an operator that is not symmetric, or symmetric but not definite.
@@ -227,7 +170,7 @@ fn general_solve<'a, P: Fn(u32) -> &'a [f64]>(
     let mut pairs = Eigenpairs { values, imaginary, vectors };
     pairs.normalize();
     let checked = if dense { (Some(0), MissedCheck::Dense) } else { (None, MissedCheck::None) };
-    let mut solution = certified(problem, pairs, request, method, checked);
+    let mut solution = certified(problem, pairs, request, method, checked, progress)?;
     solution.pairs.truncate(count);
     solution.residuals.truncate(count);
     Ok(solution)
@@ -242,7 +185,7 @@ fn general_iteration<'a, P: Fn(u32) -> &'a [f64]>(
         return Err(SpectrumError::Factorization("the operator has no narrow companion".into()));
     };
     progress.enter(Phase::Factorization)?;
-    let symbolic = analyze(narrow, request)?;
+    let symbolic = analyze(narrow, request, progress)?;
     progress.advance(0.5)?;
     let factor = symbolic.factor(narrow, problem.shift, progress)?;
     progress.enter(Phase::Eigenpairs)?;
@@ -260,7 +203,7 @@ fn general_iteration<'a, P: Fn(u32) -> &'a [f64]>(
 }
 
 /// Eigenvectors of the narrow operator, roughly: the start of the wide one's iteration.
-fn narrow_vectors(
+pub(super) fn narrow_vectors(
     problem: &Problem,
     narrow: &Sparse,
     factor: &Cholesky<'_>,
@@ -274,19 +217,7 @@ fn narrow_vectors(
     let nearest = Nearest { below: 0, above: count };
     let share = |share| 0.3 * share;
     let vectors = ritz_vectors(&narrow, shifted, &none, nearest, START_TOLERANCE, progress, share)?;
-    Ok(rayleigh_ritz(&narrow, vectors)?.vectors)
-}
-
-pub(super) fn missed_by_probe(
-    problem: &Problem,
-    towards: &Towards<'_>,
-    pairs: &Eigenpairs,
-    wanted: usize,
-    progress: &Progress,
-) -> Result<(Option<usize>, MissedCheck), SpectrumError> {
-    let smallest = probe::smallest_beside(problem, towards, &pairs.vectors, progress)?;
-    let last = pairs.values[wanted - 1];
-    Ok((Some(usize::from(smallest < last)), MissedCheck::Probe))
+    Ok(rayleigh_ritz(&narrow, vectors, progress)?.vectors)
 }
 
 /// Null vectors first, then the pairs found beside them.
@@ -308,8 +239,9 @@ pub(super) fn certified<P>(
     request: &Request<'_, P>,
     method: Method,
     (missed, missed_check): (Option<usize>, MissedCheck),
-) -> Solution {
-    let residuals = certificates::residuals(problem, &pairs);
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    let residuals = certificates::residuals(problem, &pairs, progress)?;
     let certificates = Certificates {
         orthogonality: certificates::orthogonality(&pairs),
         residual: residuals.iter().copied().fold(0.0, f64::max),
@@ -324,5 +256,5 @@ pub(super) fn certified<P>(
             .filter(|_| request.saturates)
             .map(|t| t * pairs.values.last().copied().unwrap_or(0.0)),
     };
-    Solution { pairs, residuals, certificates, method }
+    Ok(Solution { pairs, residuals, certificates, method })
 }
