@@ -13,8 +13,8 @@ const GEOMETRY_BYTES: u64 = 1_100;
 const KERNEL_BYTES: u64 = 1_600;
 /// The same with entries in double precision, as slices of the spectrum need them, and of operators without symmetry.
 const KERNEL_BYTES_DOUBLE: u64 = 3_400;
-/// The same where there are too many points to factor the kernel.
-const KERNEL_BYTES_UNFACTORED: u64 = 1_800;
+/// The same where there are too many points to factor the kernel: its rows take the room of what the geometry has left.
+const KERNEL_BYTES_UNFACTORED: u64 = 200;
 /// Most points of which the kernel is factored in single precision, and in double.
 const FACTORED_POINTS: [u64; 2] = [900_000, 450_000];
 /// Bytes per point and binary logarithm of the number of points: the Cholesky factor of a surface under nested
@@ -90,6 +90,9 @@ mod tests {
             (134_345, OperatorKind::PbMhb, 100, 705),
             (250_000, OperatorKind::PbMhb, 100, 1_125),
             (600_000, OperatorKind::PbMhb, 100, 2_701),
+            (100_000, OperatorKind::PbMhb, 1_000, 2_121),
+            (1_000_000, OperatorKind::PbMhb, 20, 3_053),
+            (1_000_000, OperatorKind::PbMhb, 100, 4_331),
         ] {
             let estimate = megabytes(points, operator, bases);
             let ratio = estimate as f64 / f64::from(measured);
