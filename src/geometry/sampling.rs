@@ -26,7 +26,17 @@ pub struct Sampling {
     pub invalid_cells: usize,
 }
 
+/// A rim cannot be shorter than so many root-mean spacings of the whole surface: `√n` of them go once across it.
+const RIM_SHARE: f64 = 0.5;
+
 impl Sampling {
+    /// Whether so many cells lie on a rim that a surface is taken for an open one.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        let cells = (self.area / (self.spacing * self.spacing)).max(1.0);
+        self.rim_cells as f64 > RIM_SHARE * cells.sqrt()
+    }
+
     /// Takes the measures; the paper gives no estimator of ε, the quantile is ours.
     #[must_use]
     pub fn measure(points: &Points, nearest: &NearestNeighbors, intrinsic: usize, cells: &Cells) -> Self {

@@ -49,9 +49,6 @@ const SAMPLES: usize = 24;
 const SHORT: f64 = 4.0;
 const LONG: f64 = 8.0;
 
-/// A rim cannot be shorter than so many root-mean spacings of the whole surface: `√n` of them go once across it.
-const RIM_SHARE: f64 = 0.5;
-
 /// A fitted area farther than this from the cells' is no error of the eigenvalues: the window lies at times for which
 /// the surface's features are too small, and what is left for χ means nothing.
 const AREA_MISFIT_MAX: f64 = 0.03;
@@ -60,9 +57,8 @@ const AREA_MISFIT_MAX: f64 = 0.03;
 #[must_use]
 pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
     let known = &modes.eigenvalues()[..modes.informative().end];
-    let cells = (sampling.area / (sampling.spacing * sampling.spacing)).max(1.0);
-    let is_open = sampling.rim_cells as f64 > RIM_SHARE * cells.sqrt();
-    let area = heat_trace::area(known);
+    let is_open = sampling.is_open();
+    let area = heat_trace::area(known, is_open);
     let (length, euler) = match topology(known, sampling.area, is_open) {
         Some((length, euler)) => (length, Some(euler)),
         None => (None, None),

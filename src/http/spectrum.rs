@@ -57,7 +57,7 @@ pub(crate) struct AreaView {
     cells: Option<f64>,
     /// From the heat trace of the eigenvalues of a surface; null for fewer than 10 of them.
     heat_trace: Option<f64>,
-    /// Of the heat trace's value: its distance to the fit of one order less.
+    /// Of the heat trace's value: its distance to a fit with another number of terms.
     uncertainty: Option<f64>,
 }
 
@@ -65,7 +65,7 @@ impl AreaView {
     fn new(report: Option<&Report>, spectrum: &Spectrum) -> Self {
         // values from the first absent one on say nothing
         let known: Vec<f64> = spectrum.eigenvalues.iter().map_while(|&lambda| lambda).collect();
-        let estimate = surface(report).and_then(|_| heat_trace::area(&known));
+        let estimate = surface(report).and_then(|report| heat_trace::area(&known, report.sampling.is_open()));
         Self {
             cells: report.map(|report| report.sampling.area),
             heat_trace: estimate.map(|estimate| estimate.area),
