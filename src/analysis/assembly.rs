@@ -3,6 +3,7 @@
 use super::{AnalysisError, Parameters};
 use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
 use crate::operator::pb_mhb::Coupling;
+use crate::operator::pcd::Planes;
 use crate::operator::sheets::Sheets;
 use crate::operator::unfolding::Atlas;
 use crate::operator::{
@@ -73,11 +74,13 @@ pub(super) fn assemble(
         }
         OperatorKind::Pcd => {
             let options = parameters.pcd_options(kernel()?);
-            (pcd::build(points, tree, &frames, volumes(), &options, progress)?, Some(walls))
+            let planes = planes(frames, cells, &walls, parameters, warnings);
+            (pcd::build(points, tree, &planes, volumes(), &options, progress)?, Some(walls))
         }
         OperatorKind::PcdSymmetrized => {
             let options = parameters.pcd_options(kernel()?);
-            let laplacian = pcd::build_symmetrized(points, tree, &frames, &options, progress)?;
+            let planes = planes(frames, cells, &walls, parameters, warnings);
+            let laplacian = pcd::build_symmetrized(points, tree, &planes, &options, progress)?;
             (laplacian, Some(scaled(walls, |i| 1.0 / cells.volume[i].sqrt())))
         }
         OperatorKind::WeightedGraph => {
@@ -96,6 +99,34 @@ pub(super) fn assemble(
     Ok(Assembled { laplacian, narrow })
 }
 
+/// Tangent planes of one handedness.
+fn oriented(frames: Frames, cells: &Cells, walls: &Sparse, warnings: &mut Vec<String>) -> Sheets {
+    let sheets = Sheets::orient(frames, cells, walls);
+    if !sheets.is_orientable() {
+        warnings.push(
+            "the surface could not be oriented; sheets are told apart by the angle of their planes only"
+                .into(),
+        );
+    }
+    sheets
+}
+
+/// Where `pcd` looks for neighbours. Its authors' program finds planes of its own, which are not oriented.
+fn planes(
+    frames: Frames,
+    cells: &Cells,
+    walls: &Sparse,
+    parameters: &Parameters,
+    warnings: &mut Vec<String>,
+) -> Planes {
+    let own = parameters.parameterization == Some(Parameterization::NearestTen);
+    if parameters.additions().sheet_aware && !own {
+        Planes::Sheet(oriented(frames, cells, walls, warnings))
+    } else {
+        Planes::Ball(frames)
+    }
+}
+
 fn pb_mhb(
     surface: &Surface<'_>,
     frames: Frames,
@@ -108,14 +139,7 @@ fn pb_mhb(
     let Surface { points, tree, cells, stars, .. } = *surface;
     let additions = parameters.additions();
     let stars = stars.filter(|_| additions.surface_distances);
-    let oriented = additions.sheet_aware || stars.is_some();
-    let sheets = oriented.then(|| Sheets::orient(frames, cells, walls));
-    if sheets.as_ref().is_some_and(|sheets| !sheets.is_orientable()) {
-        warnings.push(
-            "the surface could not be oriented; sheets are told apart by the angle of their planes only"
-                .into(),
-        );
-    }
+    let sheets = (additions.sheet_aware || stars.is_some()).then(|| oriented(frames, cells, walls, warnings));
     let atlas = sheets.as_ref().zip(stars).map(|(sheets, stars)| Atlas::new(points, stars, sheets));
     let coupling = match (&atlas, &sheets) {
         (Some(atlas), _) => Coupling::Surface(atlas),

@@ -2,6 +2,7 @@
 //! Delaunay triangulation of its projected neighbourhood.
 
 use super::heat_kernel::HeatKernel;
+use super::sheets::Sheets;
 use super::{Distance, LaplaceBeltrami, Parameterization, Sparse, Structure};
 use crate::geometry::delaunay::simplices_around;
 use crate::geometry::frames::weighted_frame;
@@ -14,6 +15,10 @@ use crate::progress::{Canceled, Progress};
 /// nearer than there, and nothing makes up for it: where the other kernels cut, at 8, the first eigenvalues of 8,000
 /// independent points of the sphere are 4.6 % too low, at 10 1.7 %, at 12 1.5 %. The paper's proof wants δ ≥ 10ε.
 pub const DELTA_FACTOR: f64 = 10.0;
+
+/// Neighbours steeper than this against the tangent space (sine of the angle) belong to another sheet, as for the cells:
+/// on a unit circle those more than 106° away.
+const STEEPNESS_MAX: f64 = 0.8;
 
 /// Nearest points that the authors' program takes the mean distance of, the point itself among them.
 const NEAREST: usize = 10;
@@ -42,6 +47,24 @@ pub fn nearest_ten(points: &Points, nearest: &NearestNeighbors, dimension: usize
     HeatKernel { t: 0.25 * h * h, delta: 3.0 * h, truncation_compensation: false, dimension }
 }
 
+/// Where rows look for their neighbours, and onto which planes they project them.
+pub enum Planes {
+    /// All neighbours, as the paper has it.
+    Ball(Frames),
+    /// Those on the same sheet: the projection of a ball that reaches through a thin part, or around a bend of more than
+    /// a right angle, lays points between each other that are far apart, and takes volume from both.
+    Sheet(Sheets),
+}
+
+impl Planes {
+    fn frames(&self) -> &Frames {
+        match self {
+            Self::Ball(frames) => frames,
+            Self::Sheet(sheets) => sheets.frames(),
+        }
+    }
+}
+
 /// Assembles the operator as `L = −B⁻¹S` with the Voronoi cells' volumes as `B`: `S = −B L` is not symmetric. Rows sum to
 /// zero.
 ///
@@ -50,12 +73,12 @@ pub fn nearest_ten(points: &Points, nearest: &NearestNeighbors, dimension: usize
 pub fn build(
     points: &Points,
     tree: &SearchTree,
-    frames: &Frames,
+    planes: &Planes,
     mass: Vec<f64>,
     options: &Options,
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, Canceled> {
-    let mut stiffness = negative_laplacian(points, tree, frames, options, progress)?;
+    let mut stiffness = negative_laplacian(points, tree, planes, options, progress)?;
     stiffness.scale_rows(&mass);
     Ok(LaplaceBeltrami {
         structure: Structure::General,
@@ -70,11 +93,11 @@ pub fn build(
 pub fn build_symmetrized(
     points: &Points,
     tree: &SearchTree,
-    frames: &Frames,
+    planes: &Planes,
     options: &Options,
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, Canceled> {
-    let stiffness = negative_laplacian(points, tree, frames, options, progress)?.symmetric_part();
+    let stiffness = negative_laplacian(points, tree, planes, options, progress)?.symmetric_part();
     let mass = vec![1.0; points.len()];
     Ok(LaplaceBeltrami {
         structure: Structure::Symmetric,
@@ -86,12 +109,12 @@ pub fn build_symmetrized(
 fn negative_laplacian(
     points: &Points,
     tree: &SearchTree,
-    frames: &Frames,
+    planes: &Planes,
     options: &Options,
     progress: &Progress,
 ) -> Result<Sparse, Canceled> {
     let n = points.len();
-    let rows = match frames.intrinsic() {
+    let rows = match planes.frames().intrinsic() {
         1 => Row::fill::<1>,
         2 => Row::fill::<2>,
         _ => Row::fill::<3>,
@@ -99,7 +122,7 @@ fn negative_laplacian(
     Sparse::stiffness(
         n,
         Row::default,
-        |i, scratch, row| rows(scratch, points, tree, frames, options, i, row),
+        |i, scratch, row| rows(scratch, points, tree, planes, options, i, row),
         |done| progress.advance(done as f64 / n as f64),
     )
 }
@@ -119,13 +142,20 @@ impl Row {
         &mut self,
         points: &Points,
         tree: &SearchTree,
-        frames: &Frames,
+        planes: &Planes,
         options: &Options,
         i: usize,
         row: &mut Vec<(u32, f64)>,
     ) {
         let kernel = options.kernel;
         tree.within(points, i, kernel.delta, &mut self.neighbors);
+        if let Planes::Sheet(sheets) = planes {
+            let is_flat = |q: &Neighbor| {
+                let site: [f64; K] = sheets.frames().project(points, i, q.index as usize);
+                dot(&site, &site) >= (1.0 - STEEPNESS_MAX * STEEPNESS_MAX) * q.squared_distance
+            };
+            self.neighbors.retain(|q| sheets.same(i, q.index as usize) && is_flat(q));
+        }
         let all = options.parameterization == Parameterization::NearestTen;
         if all {
             // 4t = h²
@@ -133,7 +163,7 @@ impl Row {
             weighted_frame(points, i, &self.neighbors, weight, K, &mut self.frame);
         }
         let project = |q: usize| -> [f64; K] {
-            if all { project(points, i, q, &self.frame) } else { frames.project(points, i, q) }
+            if all { project(points, i, q, &self.frame) } else { planes.frames().project(points, i, q) }
         };
         // the point itself is the last site
         let mut sites: Vec<[f64; K]> = self.neighbors.iter().map(|q| project(q.index as usize)).collect();

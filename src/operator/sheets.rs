@@ -72,6 +72,12 @@ impl Sheets {
         if self.is_orientable() { agreement > ORIENTED_MIN } else { agreement.abs() > UNORIENTED_MIN }
     }
 
+    /// The frames, oriented alike.
+    #[must_use]
+    pub fn frames(&self) -> &Frames {
+        &self.frames
+    }
+
     /// Coordinates of `q − p_i` in the tangent plane of point `i` as it was found, before it was oriented.
     #[must_use]
     pub fn seen_first(&self, points: &Points, i: usize, q: usize) -> [f64; 2] {

@@ -4,6 +4,7 @@ use chladni::analysis::Parameters;
 use chladni::cloud::PointCloud;
 use chladni::cloud::shapes::{Sampling, Shape};
 use chladni::harmonics::heat_trace;
+use chladni::operator::Distance;
 use chladni::operator::OperatorKind::{PbMhb, Pcd};
 
 use super::Extent;
@@ -34,7 +35,7 @@ fn model(place: usize) -> Result<(PointCloud, f64), Failure> {
         2 => {
             // as in the paper, the truth is the area of a fine mesh's triangles
             let mesh = samples::shape(Shape::TwoHoleTorus, 200_000, Sampling::Grid)?;
-            Ok((samples::shape(Shape::TwoHoleTorus, 3_070, Sampling::Iid)?, mesh_area(&mesh)))
+            Ok((samples::shape(Shape::TwoHoleTorus, 3_070, Sampling::Uniform)?, mesh_area(&mesh)))
         }
         _ => drawn(Shape::FlatTorus6, 10_000),
     }
@@ -58,22 +59,29 @@ pub(super) fn table_5(extent: Extent) -> Result<Table, Failure> {
     let mut table = Table::new(
         "PCD Table 5: area from the heat trace",
         format!(
-            "|estimate/truth − 1| from the first {EIGENVALUES} eigenvalues of independent samples, defaults for t and δ. The paper takes the \
-             zero order of the trace; on surfaces ours is the intercept of a fit (`/jobs/{{id}}/spectrum`), on T³ the zero order \
-             at the time when the missing eigenvalues would add exp(−8). The paper's genus-3 surface is not published; its eight \
-             is the built-in two-hole torus here."
+            "|estimate/truth − 1| from the first {EIGENVALUES} eigenvalues, defaults for t and δ, `pcd` with distances in the plane \
+             (`distance=projected`) as in its other tables. Samples are independent; that of the eight, in the paper the \
+             vertices of a mesh, is well spaced. The paper takes the zero order of the trace; on surfaces ours is the \
+             intercept of a fit (`/jobs/{{id}}/spectrum`), on T³ the zero order at the time when the missing eigenvalues \
+             would add exp(−8). The paper's genus-3 surface is not published; its eight is the built-in two-hole torus here."
         ),
     );
     for (place, &(name, paper)) in extent.of(&TABLE_5, 1).iter().enumerate() {
         let (cloud, truth) = model(place)?;
         let dimension = if place == 3 { 3 } else { 2 };
         for kind in [Pcd, PbMhb] {
-            let parameters =
-                Parameters { operator: kind, dimension, bases: EIGENVALUES, ..Parameters::default() };
+            let parameters = Parameters {
+                operator: kind,
+                dimension,
+                bases: EIGENVALUES,
+                distance: kind.is_pcd().then_some(Distance::Projected),
+                ..Parameters::default()
+            };
             let analysis = bases(&cloud, &parameters)?;
             let lambda: Vec<f64> = eigenvalues(&analysis).into_iter().take_while(|x| x.is_finite()).collect();
             let estimate = if dimension == 2 {
-                heat_trace::area(&lambda).map_or(f64::NAN, |estimate| estimate.area)
+                heat_trace::area(&lambda, analysis.report.sampling.is_open())
+                    .map_or(f64::NAN, |estimate| estimate.area)
             } else {
                 zero_order(&lambda)
             };
@@ -86,6 +94,10 @@ pub(super) fn table_5(extent: Extent) -> Result<Table, Failure> {
             );
         }
     }
+    table.remark(
+        "The eight is not the paper's, but as thin beside its spacing. The same fit of 200 exact eigenvalues of it gives an \
+         area that is 0.3 % too small.",
+    );
     Ok(table)
 }
 
