@@ -59,7 +59,7 @@ pub(super) fn assemble(
             // simplices count within half of what is triangulated
             (kernel, if parameters.operator.is_pcd() { 0.5 * kernel.delta } else { kernel.delta })
         };
-        check_coupling(points, tree, reach).map(|()| kernel)
+        check_coupling(points, tree, kernel.delta, reach).map(|()| kernel)
     };
     let volumes = || cells.volume.clone();
     let (laplacian, narrow) = match parameters.operator {
@@ -91,7 +91,7 @@ pub(super) fn assemble(
         }
         kind @ (OperatorKind::Graph | OperatorKind::Kirchhoff | OperatorKind::Tutte) => {
             let delta = parameters.edge_length(sampling.epsilon);
-            check_coupling(points, tree, delta)?;
+            check_coupling(points, tree, delta, delta)?;
             let graph = graph::build(kind, points, tree, &walls, delta, progress)?;
             (graph.laplacian, Some(graph.narrow))
         }
@@ -156,13 +156,13 @@ fn scaled(mut matrix: Sparse, scale: impl Fn(usize) -> f64) -> Sparse {
     matrix
 }
 
-/// Refuses a δ that would couple everything with everything.
-fn check_coupling(points: &Points, tree: &SearchTree, delta: f64) -> Result<(), AnalysisError> {
+/// Refuses a δ that would couple everything with everything, within `reach` of it.
+fn check_coupling(points: &Points, tree: &SearchTree, delta: f64, reach: f64) -> Result<(), AnalysisError> {
     let stride = points.len().div_ceil(COUNTED);
     let mut neighbors = Vec::new();
     let (mut counted, mut found) = (0, 0);
     for i in (0..points.len()).step_by(stride) {
-        tree.within(points, i, delta, &mut neighbors);
+        tree.within(points, i, reach, &mut neighbors);
         counted += 1;
         found += neighbors.len();
     }
@@ -171,7 +171,7 @@ fn check_coupling(points: &Points, tree: &SearchTree, delta: f64) -> Result<(), 
         return Err(AnalysisError::Parameter {
             name: "delta",
             reason: format!(
-                "the cut-off radius {delta:.4e} reaches {mean} neighbours per point; at most {COUPLED_MAX} are coupled in a \
+                "the cut-off radius {delta:.4e} couples {mean} neighbours per point; at most {COUPLED_MAX} are coupled in a \
                  cloud of this size: choose a smaller `delta` or `t`"
             ),
         });

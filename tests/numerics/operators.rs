@@ -121,6 +121,20 @@ fn pcd_has_zero_row_sums_and_no_symmetry_and_its_symmetric_part_is_the_other_ope
     assert!((half - dense(&symmetrized)).amax() < 1e-12 * laplacian.amax());
 }
 
+/// Its parts are thin beside δ: the projection of a whole ball lays the far side between the near one's points.
+#[test]
+fn pcd_on_one_sheet_has_the_spectrum_of_a_thin_surface_and_on_whole_balls_has_not() {
+    let torus = sample(&SampleRequest::new(Shape::TwoHoleTorus, 2_000)).unwrap();
+    let expected = eigenvalues(&eigen(&torus, &parameters(Voronoi, 6)));
+    let error = |sheet_aware| {
+        let distance = Some(Distance::Projected);
+        let parameters = Parameters { sheet_aware: Some(sheet_aware), distance, ..parameters(Pcd, 7) };
+        worst_error(&eigenvalues(&eigen(&torus, &parameters)), &expected[1..])
+    };
+    assert!(error(true) < 0.08, "{}", error(true));
+    assert!(error(false) > 0.3, "{}", error(false));
+}
+
 #[test]
 fn pcd_tells_complex_eigenvalues_and_that_its_bases_are_not_orthogonal() {
     // 900 points are solved by iteration, 450 densely
