@@ -28,8 +28,8 @@ struct Fit {
 const OPEN: Fit = Fit { start: WINDOW_START, ratio: 4.0, powers: &[0, 1, 2], others: &[0, 1] };
 
 /// Without rims there are whole powers only, so that smaller times are enough, at which the features of a surface matter
-/// less: 200 exact eigenvalues of sphere, flat tori and the two-hole torus give the area to 0.3 %; with the term of the
-/// rims, that of the two-hole torus comes 14 % too large.
+/// less: 200 eigenvalues of the sphere, of flat tori and of a fine mesh of the two-hole torus give the area to 0.3 %; with
+/// the term of the rims, that of the two-hole torus comes 14 % too large.
 const CLOSED: Fit = Fit { start: 5.0, ratio: 3.0, powers: &[0, 2], others: &[0, 2, 4] };
 
 /// Times in the window.
