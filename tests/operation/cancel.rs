@@ -39,6 +39,7 @@ async fn phase(process: &Process, job: &str, wanted: Phase) -> Option<Phase> {
 /// How long cancellations took.
 #[derive(Default)]
 struct Measured {
+    phases: Vec<String>,
     /// Until the job had ended.
     ends: Vec<Duration>,
     /// Until nothing was computed for it.
@@ -75,12 +76,7 @@ async fn cancel_in_every_phase(process: &Process, cloud: Vec<u8>) -> Measured {
                 tokio::time::sleep(PACE).await;
             }
             measured.returns.push(asked.elapsed());
-            println!(
-                "{operator} in {}: {:?}, computed until {:?}",
-                reached.name(),
-                measured.ends.last(),
-                measured.returns.last()
-            );
+            measured.phases.push(format!("{operator} in {}", reached.name()));
         }
     }
     measured
@@ -99,6 +95,9 @@ async fn a_canceled_job_ends_at_once_in_every_phase_and_lets_go_of_what_it_took(
     while measured.ends.len() < CANCELED_MIN && points < POINTS_MAX {
         points *= 2;
         measured = cancel_in_every_phase(&process, sphere(points)).await;
+    }
+    for ((phase, end), computed) in measured.phases.iter().zip(&measured.ends).zip(&measured.returns) {
+        println!("{phase}: {end:?}, computed until {computed:?}");
     }
     let (longest, last) = (measured.ends.iter().max().unwrap(), measured.returns.iter().max().unwrap());
     let (peak, after) = (crate::memory::peak(process.id()), crate::memory::resident(process.id()));
