@@ -148,7 +148,7 @@ pub fn analyze(
     };
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, cells, stars, triangles));
-    let (Assembled { laplacian, narrow }, place) = without_small_components(assembled)?;
+    let (Assembled { laplacian, narrow }, place) = without_small_components(assembled, &warnings)?;
     let used = laplacian.mass.len();
     let mut report = Report {
         operator: parameters.operator,
@@ -278,8 +278,11 @@ fn warnings_of_dimension(frames: &Frames) -> Vec<String> {
 }
 
 /// Leaves out components of fewer than [`COMPONENT_MIN`] points, in the operator and its narrow companion; also
-/// returns every point's place.
-fn without_small_components(assembled: Assembled) -> Result<(Assembled, Vec<u32>), AnalysisError> {
+/// returns every point's place. A refusal tells the warnings too, which no report will.
+fn without_small_components(
+    assembled: Assembled,
+    warnings: &[String],
+) -> Result<(Assembled, Vec<u32>), AnalysisError> {
     let Assembled { laplacian, narrow } = assembled;
     let n = laplacian.mass.len();
     let found = components(n, |i| laplacian.stiffness.neighbors(i));
@@ -289,9 +292,11 @@ fn without_small_components(assembled: Assembled) -> Result<(Assembled, Vec<u32>
     let keep: Vec<u32> =
         (0..n as u32).filter(|&i| found.size[found.label[i as usize] as usize] >= COMPONENT_MIN).collect();
     if keep.is_empty() {
-        return Err(AnalysisError::Cloud(format!(
+        let mut reasons = vec![format!(
             "no {COMPONENT_MIN} of the {n} points are connected: the cut-off radius is smaller than the spacing"
-        )));
+        )];
+        reasons.extend_from_slice(warnings);
+        return Err(AnalysisError::Cloud(reasons.join("; ")));
     }
     let mut place = vec![NO_PLACE; n];
     for (new, &old) in keep.iter().enumerate() {

@@ -278,6 +278,15 @@ fn three_dimensions_of_flat_data_are_refused_and_one_of_a_surface_is_warned_abou
 }
 
 #[test]
+fn a_curve_that_is_taken_for_a_surface_is_refused_with_what_it_looks_like() {
+    let turn = |i: i32| 0.1 * f64::from(i);
+    let curve: Vec<f64> = (0..300).flat_map(|i| [turn(i).cos(), turn(i).sin(), turn(i)]).collect();
+    let refused = analyze(&cloud(3, curve), JobKind::Eigen, &parameters(PbMhb, 5), &Progress::new());
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("connected") && refused.contains("look 1-dimensional"), "{refused}");
+}
+
+#[test]
 fn parameters_that_another_operator_has_no_use_for_are_refused() {
     let points = cloud(3, fibonacci_sphere(100));
     let refused = |parameters: Parameters| {
