@@ -11,7 +11,11 @@ use chladni::cloud::NonFinite;
 use chladni::cloud::reader::{Format, ReadOptions, read};
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|bytes: &[u8]| {
+fuzz_target!(init: {
+    // the fuzzer's own hook ends the process on every panic, also on those of libraries that the readers catch and
+    // turn into an error; those that nobody catches end it anyhow
+    drop(std::panic::take_hook());
+}, |bytes: &[u8]| {
     let [format, options, file @ ..] = bytes else { return };
     let format = Format::ALL[usize::from(*format) % Format::ALL.len()];
     let options = ReadOptions {
