@@ -20,9 +20,8 @@ pub(super) fn shape(shape: Shape, points: usize, sampling: Sampling) -> Result<P
 /// Points drawn for every one that is kept, which on T³ is about every third.
 const POOL: usize = 10;
 
-/// Gaussians of the mixture below, and their variance over the intrinsic dimension.
+/// Gaussians of the mixture below. Their variance is the intrinsic dimension.
 const BUMPS: usize = 2;
-const VARIANCE: f64 = 1.0;
 
 /// Independent points that are kept with a probability proportional to a mixture of Gaussians [PCD C.2]. The paper does
 /// not publish its mixture; of ours, around random points of the shape, the density varies by a factor of 2 on the sphere,
@@ -33,7 +32,7 @@ pub(super) fn uneven(kind: Shape, points: usize) -> Result<PointCloud, Failure> 
         sample(&request).map_err(Failure::other)
     };
     let centres = drawn(BUMPS, SEED + 1)?;
-    let variance = VARIANCE * kind.intrinsic_dimension() as f64;
+    let variance = kind.intrinsic_dimension() as f64;
     // 1 where all the centres are
     let density = |point: &[f64]| {
         let bump = |centre: usize| {
