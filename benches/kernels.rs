@@ -65,7 +65,7 @@ fn solves(criterion: &mut Criterion) {
     group.sample_size(10);
     let order = || nested_dissection(&problem.matrix, |i| points.point(i as usize));
     group.bench_function("nested dissection", |b| b.iter(order));
-    let symbolic = Symbolic::analyze(&problem.matrix, order()).expect("it has a factor");
+    let symbolic = Symbolic::analyze(&problem.matrix, order(), &Progress::new()).expect("it has a factor");
     group.bench_function("factorization", |b| {
         b.iter(|| symbolic.factor(&problem.matrix, problem.shift, &Progress::new()));
     });
@@ -75,7 +75,7 @@ fn solves(criterion: &mut Criterion) {
         start::fill(&mut block, 0);
         group.throughput(Throughput::Elements(columns as u64));
         group.bench_with_input(BenchmarkId::new("substitution", columns), &block, |b, block| {
-            b.iter(|| factor.solve(&mut block.clone()));
+            b.iter(|| factor.solve(&mut block.clone(), &Progress::new()));
         });
         group.bench_with_input(BenchmarkId::new("gram", columns), &block, |b, block| {
             b.iter(|| gram(block, block));

@@ -125,6 +125,7 @@ pub fn analyze(
     let (frames, stars) = if additions.isometric_cells && parameters.dimension == 2 {
         let frames = frames.among_creases(&points, &nearest);
         let stars = Stars::find(&points, &tree, &nearest, &frames, additions.sheet_aware, progress)?;
+        progress.checkpoint()?;
         (frames, Some(stars.with_open_gaps(&points, &nearest)))
     } else {
         (frames, None)
@@ -133,6 +134,7 @@ pub fn analyze(
         Some(stars) => stars.cells(&points),
         None => cells(&points, &tree, &nearest, &frames, options, progress)?,
     };
+    progress.checkpoint()?;
     let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
 
@@ -148,6 +150,7 @@ pub fn analyze(
     };
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, cells, stars, triangles));
+    progress.checkpoint()?;
     let (Assembled { laplacian, narrow }, place) = without_small_components(assembled, &warnings)?;
     let used = laplacian.mass.len();
     let mut report = Report {
@@ -175,6 +178,7 @@ pub fn analyze(
     let (stiffness, eigenbasis) = match kind {
         JobKind::Operator => (Some(laplacian.stiffness), None),
         JobKind::Eigen => {
+            progress.checkpoint()?;
             let active: Vec<u32> =
                 (0..points.len() as u32).filter(|&i| place[i as usize] != NO_PLACE).collect();
             let eigenbasis =
@@ -216,7 +220,9 @@ fn eigenpairs(
         plateau,
         saturates: heat_kernel.is_some(),
     };
+    progress.checkpoint()?;
     let solution = solve(&problem, &request, progress)?;
+    progress.checkpoint()?;
     let raw = solution.pairs.values.clone();
     let mut imaginary = solution.pairs.imaginary.clone();
     imaginary.resize(raw.len(), 0.0);

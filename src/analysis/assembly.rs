@@ -140,7 +140,9 @@ fn pb_mhb(
     let additions = parameters.additions();
     let stars = stars.filter(|_| additions.surface_distances);
     let sheets = (additions.sheet_aware || stars.is_some()).then(|| oriented(frames, cells, walls, warnings));
+    progress.checkpoint()?;
     let atlas = sheets.as_ref().zip(stars).map(|(sheets, stars)| Atlas::new(points, stars, sheets));
+    progress.checkpoint()?;
     let coupling = match (&atlas, &sheets) {
         (Some(atlas), _) => Coupling::Surface(atlas),
         (None, Some(sheets)) => Coupling::Sheet(sheets),

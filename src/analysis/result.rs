@@ -136,8 +136,10 @@ impl Analysis {
     #[must_use]
     pub fn basis(&self, j: usize) -> Vec<f64> {
         assert!(j < self.bases(), "basis {j} of {}", self.bases());
-        let value = |place| self.eigenbasis.as_ref().map_or(f64::NAN, |basis| basis.at(place, j));
-        (0..self.points.rows()).map(|row| self.place_of_row(row).map_or(f64::NAN, value)).collect()
+        let basis = self.eigenbasis.as_ref().map_or(&[][..], |eigenbasis| eigenbasis.basis(j));
+        (0..self.points.rows())
+            .map(|row| self.place_of_row(row).map_or(f64::NAN, |place| basis[place]))
+            .collect()
     }
 
     /// Q = −S: for most operators symmetric with zero row sums and negative semi-definite. Empty rows for duplicates and

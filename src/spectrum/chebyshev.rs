@@ -68,7 +68,7 @@ impl Inverse for Chebyshev<'_> {
         let sigma = self.problem.shift;
         let mut residual = b.clone();
         let mut direction = residual.clone();
-        self.preconditioner.apply(&mut direction);
+        self.preconditioner.apply(&mut direction, progress)?;
         direction.for_each_row(|_, row| row.iter_mut().for_each(|x| *x /= middle));
         b.for_each_row(|i, row| row.copy_from_slice(direction.row(i)));
         let mut product = Block::zeros(b.rows(), columns);
@@ -82,7 +82,7 @@ impl Inverse for Chebyshev<'_> {
                 }
             });
             product.for_each_row(|i, row| row.copy_from_slice(residual.row(i)));
-            self.preconditioner.apply(&mut product);
+            self.preconditioner.apply(&mut product, progress)?;
             let next = 1.0 / (2.0 * middle / half - rho);
             direction.for_each_row(|i, row| {
                 for (d, z) in row.iter_mut().zip(product.row(i)) {
@@ -109,11 +109,11 @@ fn ends(
     problem.project_out_null(&mut residual);
     let precondition = |residual: &Block| {
         let mut z = residual.clone();
-        preconditioner.apply(&mut z);
+        preconditioner.apply(&mut z, progress)?;
         problem.project_out_null(&mut z);
-        z
+        Ok::<_, Canceled>(z)
     };
-    let mut z = precondition(&residual);
+    let mut z = precondition(&residual)?;
     let mut direction = z.clone();
     let mut squared = column_products(&residual, &z);
     let mut product = Block::zeros(n, VECTORS);
@@ -132,7 +132,7 @@ fn ends(
                 *r -= alpha[j] * product.row(i)[j];
             }
         });
-        z = precondition(&residual);
+        z = precondition(&residual)?;
         let next = column_products(&residual, &z);
         let beta: Vec<f64> = next.iter().zip(&squared).map(|(n, s)| n / s).collect();
         direction.for_each_row(|i, row| {
@@ -190,10 +190,10 @@ mod tests {
         let first = 4.0 * std::f64::consts::PI / n as f64;
         let problem = Problem::new(LaplaceBeltrami::narrow(grid(side, 0.3), vec![1.0; n]), first);
         let order: Vec<u32> = (0..n as u32).collect();
-        let exact = Symbolic::analyze(&problem.matrix, order.clone()).unwrap();
+        let exact = Symbolic::analyze(&problem.matrix, order.clone(), &Progress::new()).unwrap();
         let exact = exact.factor_double(&problem.matrix, problem.shift, &Progress::new()).unwrap();
         let narrow = grid(side, 0.0);
-        let symbolic = Symbolic::analyze(&narrow, order).unwrap();
+        let symbolic = Symbolic::analyze(&narrow, order, &Progress::new()).unwrap();
         let factor = symbolic.factor_double(&narrow, problem.shift, &Progress::new()).unwrap();
         let preconditioner = Preconditioner { factor: &factor, t: 0.0 };
         let mut steps = Vec::new();
@@ -205,7 +205,7 @@ mod tests {
             start::fill(&mut b, 0);
             problem.project_out_null(&mut b);
             let (mut x, mut nearly) = (b.clone(), b.clone());
-            exact.solve(&mut x);
+            exact.solve(&mut x, &Progress::new()).unwrap();
             polynomial.solve(&mut nearly, &Progress::new()).unwrap();
             let symmetric = gram(&b, &nearly);
             assert!((symmetric[(0, 1)] - symmetric[(1, 0)]).abs() < 1e-12 * symmetric[(0, 0)]);

@@ -43,8 +43,13 @@ impl Symbolic {
     /// Analyses the pattern of `matrix` for an elimination order.
     ///
     /// # Errors
-    /// [`SpectrumError::Factorization`] when the matrix or its factor has more entries than can be indexed.
-    pub fn analyze(matrix: &Sparse, elimination: impl Into<Elimination>) -> Result<Self, SpectrumError> {
+    /// [`SpectrumError::Factorization`] when the matrix or its factor has more entries than can be indexed,
+    /// [`SpectrumError::Canceled`].
+    pub fn analyze(
+        matrix: &Sparse,
+        elimination: impl Into<Elimination>,
+        progress: &Progress,
+    ) -> Result<Self, SpectrumError> {
         let Elimination { order, parts } = elimination.into();
         let fail = |what: &str| SpectrumError::Factorization(format!("symbolic analysis: {what}"));
         if u32::try_from(matrix.nonzeros()).is_err() {
@@ -67,6 +72,7 @@ impl Symbolic {
             },
         )
         .map_err(|error| fail(&format!("{error:?}")))?;
+        progress.checkpoint()?;
         match structure.raw() {
             SymbolicCholeskyRaw::Supernodal(symbolic) => {
                 Ok(Self { nodes: Supernodes::new(symbolic, &parts), order, place })
@@ -137,7 +143,8 @@ impl Symbolic {
         let Some(factor) = self.factorize(matrix, shift, progress)? else { return Ok(None) };
         let factor = Precision::Double(factor);
         let cholesky = Cholesky { symbolic: self, matrix, shift, factor, contraction: 0.0 };
-        let relative = probe(matrix, shift, |x| cholesky.solve(x));
+        let relative = probe(matrix, shift, |x| cholesky.solve(x, progress))?;
+        progress.checkpoint()?;
         Ok((relative <= PROBE_MAX).then_some(cholesky))
     }
 
@@ -168,19 +175,23 @@ impl Symbolic {
 }
 
 /// `|(A + shift·I) x − b| / |b|` for the solution of a system whose right-hand side touches every row.
-fn probe(matrix: &Sparse, shift: f64, solve: impl FnOnce(&mut Block)) -> f64 {
+fn probe(
+    matrix: &Sparse,
+    shift: f64,
+    solve: impl FnOnce(&mut Block) -> Result<(), Canceled>,
+) -> Result<f64, Canceled> {
     let n = matrix.rows();
     let b = |i: usize| super::start::hashed(i, usize::MAX);
     let mut x = Block::zeros(n, 1);
     x.for_each_row(|i, row| row[0] = b(i));
-    solve(&mut x);
+    solve(&mut x)?;
     let x = x.column(0);
     let (mut error, mut size) = (0.0, 0.0);
     for (i, product) in matrix.product(&x).into_iter().enumerate() {
         error += (product + shift * x[i] - b(i)).powi(2);
         size += b(i).powi(2);
     }
-    (error / size).sqrt()
+    Ok((error / size).sqrt())
 }
 
 /// `A + shift·I = L S Lᵀ` with signs `S`, all positive where the matrix is definite.
@@ -223,7 +234,7 @@ impl Cholesky<'_> {
     }
 
     /// What one more solution with the factor adds to `x`.
-    fn correction(&self, b: &Block, x: &Block) -> Block {
+    fn correction(&self, b: &Block, x: &Block, progress: &Progress) -> Result<Block, Canceled> {
         let mut rest = Block::zeros(x.rows(), x.columns());
         sparse_product(&mut rest, self.matrix, x);
         rest.for_each_row(|i, row| {
@@ -231,8 +242,9 @@ impl Cholesky<'_> {
                 *r = b - *r - self.shift * x;
             }
         });
-        self.solve(&mut rest);
-        rest
+        progress.checkpoint()?;
+        self.solve(&mut rest, progress)?;
+        Ok(rest)
     }
 
     /// By how much one more solution with the factor reduces the error, of vectors that are drawn to what is nearest to
@@ -241,12 +253,11 @@ impl Cholesky<'_> {
         let mut b = Block::zeros(self.matrix.rows(), WIDTH);
         super::start::fill(&mut b, 1 << 22);
         let mut x = b.clone();
-        self.solve(&mut x);
+        self.solve(&mut x, progress)?;
         let mut worst = 0.0_f64;
         let mut sizes = column_norms(&x);
         for _ in 0..2 {
-            progress.checkpoint()?;
-            let correction = self.correction(&b, &x);
+            let correction = self.correction(&b, &x, progress)?;
             add(&mut x, &correction);
             let next = column_norms(&correction);
             let ratio =
@@ -258,14 +269,22 @@ impl Cholesky<'_> {
     }
 
     /// `X ← (L S Lᵀ)⁻¹ X`, which is as good an inverse as the factor.
-    pub fn solve(&self, x: &mut Block) {
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn solve(&self, x: &mut Block, progress: &Progress) -> Result<(), Canceled> {
         match &self.factor {
-            Precision::Single(factor) => self.substitute_with(factor, x),
-            Precision::Double(factor) => self.substitute_with(factor, x),
+            Precision::Single(factor) => self.substitute_with(factor, x, progress),
+            Precision::Double(factor) => self.substitute_with(factor, x, progress),
         }
     }
 
-    fn substitute_with<T: Entry>(&self, factor: &Factor<T>, x: &mut Block) {
+    fn substitute_with<T: Entry>(
+        &self,
+        factor: &Factor<T>,
+        x: &mut Block,
+        progress: &Progress,
+    ) -> Result<(), Canceled> {
         let Symbolic { nodes, order, place } = self.symbolic;
         for first in (0..x.columns()).step_by(WIDTH) {
             let count = WIDTH.min(x.columns() - first);
@@ -279,7 +298,9 @@ impl Cholesky<'_> {
                 let group = &group[place[i] as usize * WIDTH..];
                 row[first..first + count].iter_mut().zip(group).for_each(|(x, &g)| *x = g.into());
             });
+            progress.checkpoint()?;
         }
+        Ok(())
     }
 }
 
@@ -303,7 +324,7 @@ mod tests {
             (0..SIDE * SIDE).map(|i| [(i % SIDE) as f64, (i / SIDE) as f64]).collect();
         let elimination = nested_dissection(&problem.matrix, |i| &positions[i as usize]);
         assert!(elimination.parts.len() > 1);
-        let symbolic = Symbolic::analyze(&problem.matrix, elimination).unwrap();
+        let symbolic = Symbolic::analyze(&problem.matrix, elimination, &Progress::new()).unwrap();
         // most rows are in parts, some in none
         assert!((1..SIDE * SIDE / 10).contains(&symbolic.nodes.top_rows()));
         (problem, symbolic)
@@ -349,15 +370,15 @@ mod tests {
         assert!(!single.is_exact());
         let double = symbolic.factor_double(matrix, shift, &Progress::new()).unwrap();
         assert!(double.is_exact());
-        let rough = relative_error(matrix, shift, |x| single.solve(x));
+        let rough = relative_error(matrix, shift, |x| single.solve(x, &Progress::new()).unwrap());
         let refined = relative_error(matrix, shift, |x| {
             let b = x.clone();
-            single.solve(x);
+            single.solve(x, &Progress::new()).unwrap();
             for _ in 0..8 {
-                add(x, &single.correction(&b, x));
+                add(x, &single.correction(&b, x, &Progress::new()).unwrap());
             }
         });
-        let exact = relative_error(matrix, shift, |x| double.solve(x));
+        let exact = relative_error(matrix, shift, |x| double.solve(x, &Progress::new()).unwrap());
         assert!(rough > 1e-6 && refined < 1e-8 && exact < 1e-10, "{rough} {refined} {exact}");
     }
 
@@ -372,7 +393,8 @@ mod tests {
             let factor =
                 symbolic.factor_indefinite(&problem.matrix, -bound, &Progress::new()).unwrap().unwrap();
             assert_eq!(factor.negative_eigenvalues(), next + 1);
-            let error = relative_error(&problem.matrix, -bound, |x| factor.solve(x));
+            let error =
+                relative_error(&problem.matrix, -bound, |x| factor.solve(x, &Progress::new()).unwrap());
             assert!(error < 1e-6, "{k}: {error}");
         }
     }
@@ -385,7 +407,7 @@ mod tests {
                 let factor = symbolic.factor(&problem.matrix, problem.shift, &Progress::new()).unwrap();
                 let mut x = Block::zeros(problem.size(), 20);
                 start::fill(&mut x, 0);
-                factor.solve(&mut x);
+                factor.solve(&mut x, &Progress::new()).unwrap();
                 x
             })
         };

@@ -4,55 +4,63 @@ use rayon::prelude::*;
 
 use super::{Eigenpairs, Problem};
 
+/// Bases that are taken out of the rows of eigenvectors together: as many as lie in a cache line.
+const TOGETHER: usize = 8;
+
 /// Manifold harmonics on the analysed points.
 #[derive(Debug)]
 pub struct Eigenbasis {
-    pairs: Eigenpairs,
-    /// `±1/√b_i` is applied column by column on the way out: the sign of each column.
-    signs: Vec<f64>,
-    inverse_root_mass: Vec<f64>,
+    /// Basis by basis: eigenvectors are stored point by point, where a basis is spread over all of the memory.
+    bases: Vec<Vec<f64>>,
 }
 
 impl Eigenbasis {
     /// Takes the eigenpairs; the sign of every basis is such that its largest component is positive.
     #[must_use]
     pub fn new(problem: &Problem, pairs: Eigenpairs) -> Self {
+        let Eigenpairs { values, imaginary, vectors } = pairs;
         let inverse_root_mass: Vec<f64> = problem.root_mass.iter().map(|m| 1.0 / m).collect();
-        let mut signs: Vec<f64> = (0..pairs.values.len())
-            .into_par_iter()
-            .map(|j| {
-                let largest = (0..inverse_root_mass.len())
-                    .map(|i| pairs.vectors.row(i)[j] * inverse_root_mass[i])
-                    // the first of equals, so that the sign is determined
-                    .fold(0.0, |largest: f64, h| if h.abs() > largest.abs() { h } else { largest });
-                if largest < 0.0 { -1.0 } else { 1.0 }
-            })
-            .collect();
+        let columns = |first: usize| {
+            let mut columns: Vec<Vec<f64>> = (first..values.len().min(first + TOGETHER))
+                .map(|_| Vec::with_capacity(inverse_root_mass.len()))
+                .collect();
+            for (i, inverse) in inverse_root_mass.iter().enumerate() {
+                for (column, y) in columns.iter_mut().zip(&vectors.row(i)[first..]) {
+                    column.push(y * inverse);
+                }
+            }
+            columns
+        };
+        let firsts: Vec<usize> = (0..values.len()).step_by(TOGETHER).collect();
+        let mut bases: Vec<Vec<f64>> =
+            firsts.into_par_iter().with_max_len(1).flat_map_iter(columns).collect();
+        let mut negative: Vec<bool> = bases.par_iter().map(|basis| largest(basis) < 0.0).collect();
         // the two parts of a complex eigenvector turn together
-        for j in 1..signs.len() {
-            if pairs.imaginary.get(j).is_some_and(|b| *b < 0.0) {
-                signs[j] = signs[j - 1];
+        for j in 1..negative.len() {
+            if imaginary.get(j).is_some_and(|b| *b < 0.0) {
+                negative[j] = negative[j - 1];
             }
         }
-        Self { pairs, signs, inverse_root_mass }
+        let wrong = bases.par_iter_mut().zip(negative).filter(|(_, negative)| *negative);
+        wrong.for_each(|(basis, _)| basis.iter_mut().for_each(|h| *h = -*h));
+        Self { bases }
     }
 
     /// Number of bases.
     #[must_use]
     #[allow(clippy::len_without_is_empty)] // never empty
     pub fn len(&self) -> usize {
-        self.signs.len()
+        self.bases.len()
     }
 
-    /// μ, ascending.
+    /// Basis `j` at every point, in 1/length; `H_iᵀ B H_j = δ_ij`.
     #[must_use]
-    pub fn values(&self) -> &[f64] {
-        &self.pairs.values
+    pub fn basis(&self, j: usize) -> &[f64] {
+        &self.bases[j]
     }
+}
 
-    /// Basis `j` at point `i`, in 1/length; `H_iᵀ B H_j = δ_ij`.
-    #[must_use]
-    pub fn at(&self, i: usize, j: usize) -> f64 {
-        self.signs[j] * self.pairs.vectors.row(i)[j] * self.inverse_root_mass[i]
-    }
+/// The component that is farthest from zero: the first of equals, so that the sign is determined.
+fn largest(basis: &[f64]) -> f64 {
+    basis.iter().fold(0.0, |largest: f64, &h| if h.abs() > largest.abs() { h } else { largest })
 }

@@ -42,7 +42,7 @@ pub fn solve(
     progress: &Progress,
     share: impl Fn(f64) -> f64,
 ) -> Result<(GeneralPairs, Block), SpectrumError> {
-    let mut space = begin(problem, start)?;
+    let mut space = begin(problem, start, progress)?;
     let mut worst = f64::INFINITY;
     let mut first_worst = None;
     for _ in 0..ITERATIONS_MAX {
@@ -53,21 +53,23 @@ pub fn solve(
         }
         let from = *first_worst.get_or_insert(worst);
         progress.advance(share(((from / worst).ln() / (from / tolerance).ln()).clamp(0.0, 1.0)))?;
-        step(problem, preconditioner, &mut space, residual, &active)?;
+        step(problem, preconditioner, &mut space, residual, &active, progress)?;
     }
     Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: ITERATIONS_MAX })
 }
 
-fn begin(problem: &Problem, mut start: Block) -> Result<Space, SpectrumError> {
+fn begin(problem: &Problem, mut start: Block, progress: &Progress) -> Result<Space, SpectrumError> {
     let n = problem.size();
-    orthonormalize(&mut start, &Block::<f64>::zeros(n, 0))?;
+    orthonormalize(&mut start, &Block::<f64>::zeros(n, 0), progress)?;
     let columns = start.columns();
     let mut basis = Block::zeros(n, 3 * columns);
     basis.set_columns(columns);
     basis.copy_columns(0, &start, 0, columns);
     drop(start);
     let mut product = Block::zeros(n, 3 * columns);
+    progress.checkpoint()?;
     sparse_product(&mut product, &problem.matrix, &basis);
+    progress.checkpoint()?;
     let projected = gram(&basis, &product);
     let turn = general::orthonormal(ritz(problem.structure, projected.as_ref(), columns)?.columns.as_ref());
     replace_by_product(&mut basis, turn.as_ref());
@@ -108,11 +110,12 @@ fn step(
     space: &mut Space,
     mut residual: Block,
     active: &[usize],
+    progress: &Progress,
 ) -> Result<(), SpectrumError> {
     let columns = space.schur.ncols();
     let known = columns + space.directions;
-    preconditioner.apply(&mut residual);
-    orthonormalize(&mut residual, &space.basis)?;
+    preconditioner.apply(&mut residual, progress)?;
+    orthonormalize(&mut residual, &space.basis, progress)?;
     let width = residual.columns();
     let mut product = Block::zeros(problem.size(), width);
     sparse_product(&mut product, &problem.matrix, &residual);
@@ -122,8 +125,10 @@ fn step(
     space.product.copy_columns(known, &product, 0, width);
     drop((residual, product));
 
+    progress.checkpoint()?;
     let projected = gram(&space.basis, &space.product);
     let pairs = ritz(problem.structure, projected.as_ref(), columns)?;
+    progress.checkpoint()?;
     // a conjugate pair at the end is cut: the block keeps its width
     let best = general::orthonormal(pairs.columns.as_ref().subcols(0, columns));
     let directions = new_directions(best.as_ref(), columns, active)?;
@@ -132,6 +137,7 @@ fn step(
         if j < columns { best[(i, j)] } else { directions[(i, j - columns)] }
     });
     replace_by_product(&mut space.basis, change.as_ref());
+    progress.checkpoint()?;
     replace_by_product(&mut space.product, change.as_ref());
     space.directions = directions.ncols();
     Ok(())

@@ -121,8 +121,8 @@ mod tests {
         let (side, wanted) = (40, 20);
         let problem = grid(side);
         let order: Vec<u32> = (0..(side * side) as u32).collect();
-        let symbolic = Symbolic::analyze(&problem.matrix, order).unwrap();
         let progress = Progress::new();
+        let symbolic = Symbolic::analyze(&problem.matrix, order, &progress).unwrap();
         let factor = symbolic.factor_double(&problem.matrix, problem.shift, &progress).unwrap();
         let none = Block::zeros(problem.size(), 0);
         let all = shift_invert::solve(&problem, &factor, &none, wanted + 2, 1e-8, &progress, |s| s).unwrap();

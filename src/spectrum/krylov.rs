@@ -49,6 +49,7 @@ pub(super) fn fresh_block<V: Entry>(
     krylov: &mut Krylov<V>,
     work: &mut Block,
     hashed: &mut usize,
+    progress: &Progress,
 ) -> Result<(), SpectrumError> {
     let room = complement.dimension() - krylov.processed;
     work.set_columns(BLOCK.min(room));
@@ -56,8 +57,10 @@ pub(super) fn fresh_block<V: Entry>(
     *hashed += BLOCK;
     complement.project(work);
     krylov.basis.set_columns(krylov.processed);
-    orthonormalize(work, &krylov.basis)?;
+    orthonormalize(work, &krylov.basis, progress)?;
+    progress.checkpoint()?;
     append(krylov, work);
+    progress.checkpoint()?;
     Ok(())
 }
 
@@ -80,7 +83,7 @@ pub(super) fn expand<V: Entry>(
     inverse.solve(work, progress)?;
     complement.project(work);
     // a Lanczos product overlaps with its own block and the one before; after a restart, with all
-    let taken = orthonormalize_knowing(work, &krylov.basis, krylov.last.start)?;
+    let taken = orthonormalize_knowing(work, &krylov.basis, krylov.last.start, progress)?;
     for j in first..end {
         for i in 0..end {
             krylov.projected[(i, j)] = taken.along[(i, j - first)];
@@ -155,7 +158,12 @@ impl Ritz {
 }
 
 /// Keeps the best Ritz vectors, a third of the others among them, and the next block.
-pub(super) fn restart<V: Entry>(krylov: &mut Krylov<V>, nearest: Nearest) -> Result<(), SpectrumError> {
+pub(super) fn restart<V: Entry>(
+    krylov: &mut Krylov<V>,
+    nearest: Nearest,
+    progress: &Progress,
+) -> Result<(), SpectrumError> {
+    progress.checkpoint()?;
     let ritz = Ritz::of(krylov)?;
     let (processed, next) = (krylov.processed, krylov.basis.columns() - krylov.processed);
     let more = (processed - nearest.count()) / 3;

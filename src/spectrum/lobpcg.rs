@@ -10,7 +10,7 @@ use super::cholesky::Cholesky;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_small};
 use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError};
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// Iterations before giving up; measured cases need 5 to 25.
 const ITERATIONS_MAX: usize = 200;
@@ -32,14 +32,15 @@ pub struct Preconditioner<'a> {
 }
 
 impl Preconditioner<'_> {
-    pub(super) fn apply(&self, r: &mut Block) {
+    pub(super) fn apply(&self, r: &mut Block, progress: &Progress) -> Result<(), Canceled> {
         let residual = r.clone();
-        self.factor.solve(r);
+        self.factor.solve(r, progress)?;
         r.for_each_row(|i, row| {
             for (x, r) in row.iter_mut().zip(residual.row(i)) {
                 *x += PLATEAU_SHARE * self.t * r;
             }
         });
+        Ok(())
     }
 }
 
@@ -67,7 +68,7 @@ pub fn solve(
     progress: &Progress,
     share: impl Fn(f64) -> f64,
 ) -> Result<Eigenpairs, SpectrumError> {
-    let mut space = begin(problem, start)?;
+    let mut space = begin(problem, start, progress)?;
     let mut worst = f64::INFINITY;
     let mut first_worst = None;
     for _ in 0..ITERATIONS_MAX {
@@ -80,23 +81,25 @@ pub fn solve(
         }
         let from = *first_worst.get_or_insert(worst);
         progress.advance(share(((from / worst).ln() / (from / tolerance).ln()).clamp(0.0, 1.0)))?;
-        step(problem, preconditioner, &mut space, residual, &active)?;
+        step(problem, preconditioner, &mut space, residual, &active, progress)?;
     }
     Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: ITERATIONS_MAX })
 }
 
 /// Rayleigh–Ritz in the span of the start vectors.
-fn begin(problem: &Problem, mut start: Block) -> Result<Space, SpectrumError> {
+fn begin(problem: &Problem, mut start: Block, progress: &Progress) -> Result<Space, SpectrumError> {
     let n = problem.size();
     problem.project_out_null(&mut start);
-    orthonormalize(&mut start, &Block::<f64>::zeros(n, 0))?;
+    orthonormalize(&mut start, &Block::<f64>::zeros(n, 0), progress)?;
     let columns = start.columns();
     let mut basis = Block::zeros(n, 3 * columns);
     basis.set_columns(columns);
     basis.copy_columns(0, &start, 0, columns);
     drop(start);
     let mut product = Block::zeros(n, 3 * columns);
+    progress.checkpoint()?;
     sparse_product(&mut product, &problem.matrix, &basis);
+    progress.checkpoint()?;
     let (values, coefficients) = eigen(gram(&basis, &product).as_ref())?;
     replace_by_product(&mut basis, coefficients.as_ref());
     replace_by_product(&mut product, coefficients.as_ref());
@@ -139,12 +142,13 @@ fn step(
     space: &mut Space,
     mut residual: Block,
     active: &[usize],
+    progress: &Progress,
 ) -> Result<(), SpectrumError> {
     let columns = space.values.len();
     let known = columns + space.directions;
-    preconditioner.apply(&mut residual);
+    preconditioner.apply(&mut residual, progress)?;
     problem.project_out_null(&mut residual);
-    orthonormalize(&mut residual, &space.basis)?;
+    orthonormalize(&mut residual, &space.basis, progress)?;
     let width = residual.columns();
     let mut product = Block::zeros(problem.size(), width);
     sparse_product(&mut product, &problem.matrix, &residual);
@@ -154,16 +158,19 @@ fn step(
     space.product.copy_columns(known, &product, 0, width);
     drop((residual, product));
 
+    progress.checkpoint()?;
     let projected = gram(&space.basis, &space.product);
     let symmetric =
         Mat::from_fn(known + width, known + width, |i, j| 0.5 * (projected[(i, j)] + projected[(j, i)]));
     let (values, vectors) = eigen(symmetric.as_ref())?;
+    progress.checkpoint()?;
     let best = vectors.as_ref().subcols(0, columns);
     let directions = new_directions(best, columns, active)?;
     let change = Mat::from_fn(known + width, columns + directions.ncols(), |i, j| {
         if j < columns { best[(i, j)] } else { directions[(i, j - columns)] }
     });
     replace_by_product(&mut space.basis, change.as_ref());
+    progress.checkpoint()?;
     replace_by_product(&mut space.product, change.as_ref());
     space.values = values[..columns].to_vec();
     space.directions = directions.ncols();

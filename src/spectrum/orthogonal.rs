@@ -5,6 +5,7 @@ use faer::{Mat, MatRef, Side};
 use super::SpectrumError;
 use super::block::{Block, add_product_from, gram, gram_from, replace_by_product};
 use super::entry::Entry;
+use crate::progress::Progress;
 
 /// Directions whose squared length is below this share of the largest are rounding noise.
 const RANK_TOLERANCE: f64 = 1e-13;
@@ -54,29 +55,37 @@ pub struct Taken {
 /// dropped. Block Gram–Schmidt, twice.
 ///
 /// # Errors
-/// [`SpectrumError::Dense`].
-pub fn orthonormalize<V: Entry>(w: &mut Block, v: &Block<V>) -> Result<Taken, SpectrumError> {
-    orthonormalize_knowing(w, v, 0)
+/// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
+pub fn orthonormalize<V: Entry>(
+    w: &mut Block,
+    v: &Block<V>,
+    progress: &Progress,
+) -> Result<Taken, SpectrumError> {
+    orthonormalize_knowing(w, v, 0, progress)
 }
 
 /// The same for a `w` that but for rounding is orthogonal to the columns of `v` before `from`: these are looked at in
 /// the second round only.
 ///
 /// # Errors
-/// [`SpectrumError::Dense`].
+/// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
 pub fn orthonormalize_knowing<V: Entry>(
     w: &mut Block,
     v: &Block<V>,
     from: usize,
+    progress: &Progress,
 ) -> Result<Taken, SpectrumError> {
     let mut along = Mat::zeros(v.columns(), w.columns());
     let mut rest = Mat::identity(w.columns(), w.columns());
     for from in [from, 0] {
+        progress.checkpoint()?;
         if v.columns() > from {
             let h = gram_from(v, from, w);
+            progress.checkpoint()?;
             add_product_from(w, -1.0, v, from, h.as_ref());
             let mut part = along.as_mut().subrows_mut(from, v.columns() - from);
             part += &h * &rest;
+            progress.checkpoint()?;
         }
         let (m, r, independent) = normalizer(gram(w, w).as_ref())?;
         if m.ncols() == 0 {
@@ -114,12 +123,12 @@ mod tests {
     fn dependent_columns_are_dropped_and_the_rest_is_orthonormal_and_complete() {
         let mut v = Block::zeros(3_000, 3);
         start::fill(&mut v, 0);
-        orthonormalize(&mut v, &Block::<f64>::zeros(3_000, 0)).unwrap();
+        orthonormalize(&mut v, &Block::<f64>::zeros(3_000, 0), &Progress::new()).unwrap();
         let mut w = Block::zeros(3_000, 4);
         start::fill(&mut w, 10);
         w.for_each_row(|_, row| row[3] = row[0] + 2.0 * row[1]);
         let before = w.clone();
-        let taken = orthonormalize(&mut w, &v).unwrap();
+        let taken = orthonormalize(&mut w, &v, &Progress::new()).unwrap();
         assert_eq!(w.columns(), 3);
         let defect = gram(&w, &w) - Mat::<f64>::identity(3, 3);
         assert!(defect.norm_max() < 1e-14);

@@ -7,7 +7,7 @@ use super::krylov::Complement;
 use super::shift_invert::{BLOCK, rayleigh_ritz};
 use super::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError, certificates};
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// Rounds of corrections before giving up.
 const ROUNDS_MAX: usize = 5;
@@ -38,7 +38,7 @@ pub(super) fn polished(
     for _ in 0..ROUNDS_MAX {
         for some in rough.chunks(BLOCK) {
             progress.checkpoint()?;
-            correct(&complement, factor, &mut vectors, some);
+            correct(&complement, factor, &mut vectors, some, progress)?;
         }
         let pairs = rayleigh_ritz(problem, vectors, progress)?;
         let residuals = certificates::residuals(problem, &pairs, progress)?;
@@ -54,7 +54,13 @@ pub(super) fn polished(
 
 /// An inverse iteration of some of the vectors, `y − (A+σI)⁻¹ (A−μI) y = (μ+σ) (A+σI)⁻¹ y` for the Rayleigh quotient μ:
 /// what is solved for is as small as the residual, so that single precision is enough for it.
-fn correct(complement: &Complement<'_>, factor: &Cholesky<'_>, vectors: &mut Block, some: &[usize]) {
+fn correct(
+    complement: &Complement<'_>,
+    factor: &Cholesky<'_>,
+    vectors: &mut Block,
+    some: &[usize],
+    progress: &Progress,
+) -> Result<(), Canceled> {
     let rows = vectors.rows();
     let mut rough = Block::zeros(rows, some.len());
     for (to, &from) in some.iter().enumerate() {
@@ -69,12 +75,14 @@ fn correct(complement: &Complement<'_>, factor: &Cholesky<'_>, vectors: &mut Blo
             *r -= quotient * y;
         }
     });
-    factor.solve(&mut correction);
+    progress.checkpoint()?;
+    factor.solve(&mut correction, progress)?;
     rough.for_each_row(|i, row| row.iter_mut().zip(correction.row(i)).for_each(|(y, c)| *y -= c));
     complement.project(&mut rough);
     for (from, &to) in some.iter().enumerate() {
         vectors.copy_columns(to, &rough, from, 1);
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -89,7 +97,7 @@ mod tests {
         let (side, tolerance) = (100, 1e-6);
         let problem = grid(side);
         let order: Vec<u32> = (0..(side * side) as u32).collect();
-        let symbolic = Symbolic::analyze(&problem.matrix, order).unwrap();
+        let symbolic = Symbolic::analyze(&problem.matrix, order, &Progress::new()).unwrap();
         let factor = symbolic.factor(&problem.matrix, problem.shift, &Progress::new()).unwrap();
         assert!(!factor.is_exact());
         let none = Block::zeros(problem.size(), 0);

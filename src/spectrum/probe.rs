@@ -48,17 +48,18 @@ impl Probe {
         for step in 0..STEPS {
             progress.advance(step as f64 / STEPS as f64)?;
             match towards {
-                Towards::Inverse(factor) => factor.solve(&mut vectors),
+                Towards::Inverse(factor) => factor.solve(&mut vectors, progress)?,
                 Towards::Preconditioned(preconditioner) => {
                     let identity = Mat::<f64>::identity(VECTORS, VECTORS);
                     sparse_product(&mut product, &problem.matrix, &vectors);
                     add_product(&mut product, -(1.0 / preconditioner.t), &vectors, identity.as_ref());
-                    preconditioner.apply(&mut product);
+                    preconditioner.apply(&mut product, progress)?;
                     std::mem::swap(&mut vectors, &mut product);
                 }
             }
+            progress.checkpoint()?;
             problem.project_out_null(&mut vectors);
-            orthonormalize(&mut vectors, found)?;
+            orthonormalize(&mut vectors, found, progress)?;
             sparse_product(&mut product, &problem.matrix, &vectors);
             (values, _) = eigen(gram(&vectors, &product).as_ref())?;
         }

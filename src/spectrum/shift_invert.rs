@@ -63,8 +63,7 @@ pub trait Inverse {
 
 impl Inverse for Cholesky<'_> {
     fn solve(&self, x: &mut Block, progress: &Progress) -> Result<(), Canceled> {
-        Cholesky::solve(self, x);
-        progress.checkpoint()
+        Cholesky::solve(self, x, progress)
     }
 
     fn is_single(&self) -> bool {
@@ -166,7 +165,7 @@ fn iterated<V: Entry>(
     };
     let mut work = Block::zeros(n, BLOCK);
     let mut hashed = 0;
-    fresh_block(&complement, &mut krylov, &mut work, &mut hashed)?;
+    fresh_block(&complement, &mut krylov, &mut work, &mut hashed, progress)?;
     let mut worst = f64::INFINITY;
     let steps_expected = room.div_ceil(BLOCK) as f64;
     let mut steps = 0;
@@ -180,7 +179,7 @@ fn iterated<V: Entry>(
                 if krylov.processed >= complement.dimension() {
                     return finish(&complement, krylov, nearest, progress);
                 }
-                fresh_block(&complement, &mut krylov, &mut work, &mut hashed)?;
+                fresh_block(&complement, &mut krylov, &mut work, &mut hashed, progress)?;
             }
             // a look at the Ritz values costs a part of a step; with fewer vectors they have never been good enough
             let due = krylov.processed >= count + count / 2 + 2 * BLOCK || krylov.processed + BLOCK > room;
@@ -192,7 +191,7 @@ fn iterated<V: Entry>(
                 }
             }
         }
-        restart(&mut krylov, nearest)?;
+        restart(&mut krylov, nearest, progress)?;
     }
     Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: steps as usize })
 }
@@ -206,8 +205,7 @@ pub fn rayleigh_ritz(
     mut vectors: Block,
     progress: &Progress,
 ) -> Result<Eigenpairs, SpectrumError> {
-    progress.checkpoint()?;
-    orthonormalize(&mut vectors, &Block::<f64>::zeros(problem.size(), 0))?;
+    orthonormalize(&mut vectors, &Block::<f64>::zeros(problem.size(), 0), progress)?;
     progress.checkpoint()?;
     let mut product = Block::zeros(problem.size(), vectors.columns());
     sparse_product(&mut product, &problem.matrix, &vectors);
@@ -216,6 +214,7 @@ pub fn rayleigh_ritz(
     drop(product);
     progress.checkpoint()?;
     replace_by_product(&mut vectors, coefficients.as_ref());
+    progress.checkpoint()?;
     Ok(Eigenpairs::real(values, vectors))
 }
 
@@ -262,7 +261,7 @@ pub(super) mod tests {
         let side = 40;
         let problem = grid(side);
         let order: Vec<u32> = (0..(side * side) as u32).collect();
-        let symbolic = Symbolic::analyze(&problem.matrix, order).unwrap();
+        let symbolic = Symbolic::analyze(&problem.matrix, order, &Progress::new()).unwrap();
         let factor = symbolic.factor_double(&problem.matrix, problem.shift, &Progress::new()).unwrap();
         let none = Block::zeros(problem.size(), 0);
         let pairs = solve(&problem, &factor, &none, 40, 1e-8, &Progress::new(), |share| share).unwrap();

@@ -163,7 +163,7 @@ mod tests {
     fn solved(side: usize, count: usize, first: f64) -> Option<Eigenpairs> {
         let problem = grid(side);
         let order: Vec<u32> = (0..(side * side) as u32).collect();
-        let symbolic = Symbolic::analyze(&problem.matrix, order).unwrap();
+        let symbolic = Symbolic::analyze(&problem.matrix, order, &Progress::new()).unwrap();
         let weyl = Weyl { first, dimension: 2, t: None };
         let solved = solve(&problem, &symbolic, weyl, count, 1e-7, &Progress::new()).unwrap();
         solved.map(|(pairs, _)| pairs)

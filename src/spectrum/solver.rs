@@ -143,7 +143,7 @@ pub(super) fn analyze<'a, P: Fn(u32) -> &'a [f64]>(
 ) -> Result<Symbolic, SpectrumError> {
     let order = nested_dissection(matrix, &request.position);
     progress.checkpoint()?;
-    let symbolic = Symbolic::analyze(matrix, order)?;
+    let symbolic = Symbolic::analyze(matrix, order, progress)?;
     progress.checkpoint()?;
     Ok(symbolic)
 }
@@ -242,6 +242,7 @@ pub(super) fn certified<P>(
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
     let residuals = certificates::residuals(problem, &pairs, progress)?;
+    progress.checkpoint()?;
     let certificates = Certificates {
         orthogonality: certificates::orthogonality(&pairs),
         residual: residuals.iter().copied().fold(0.0, f64::max),

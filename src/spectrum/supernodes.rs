@@ -4,6 +4,9 @@ use std::ops::Range;
 
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 
+/// Most columns of a supernode: the diagonal blocks are factored by one thread, and what is beside them by all.
+const COLUMNS_MAX: usize = 512;
+
 /// Where the entries of a factor are, and which supernodes do not depend on each other.
 pub(super) struct Supernodes {
     /// First column of every supernode, and the number of columns.
@@ -58,19 +61,28 @@ impl Supernode<'_> {
 }
 
 impl Supernodes {
-    /// Reads faer's analysis; `parts` are stretches of columns that do not touch each other.
+    /// Reads faer's analysis, and cuts wide supernodes into several; `parts` are stretches of columns that do not touch
+    /// each other.
     pub(super) fn new(symbolic: &SymbolicSupernodalCholesky<u32>, parts: &[Range<usize>]) -> Self {
-        let count = symbolic.n_supernodes();
         let n = symbolic.supernode_end().last().map_or(0, |&end| end as usize);
-        let mut begin = symbolic.supernode_begin().to_vec();
-        begin.push(n as u32);
+        let mut begin = Vec::new();
         let mut rows = Vec::new();
         let mut row_offsets = vec![0];
-        for s in 0..count {
+        for (s, (&start, &end)) in symbolic.supernode_begin().iter().zip(symbolic.supernode_end()).enumerate()
+        {
             let first = symbolic.col_ptr_for_row_idx()[s] as usize;
-            rows.extend_from_slice(&symbolic.row_idx()[first..][..symbolic.nnz_per_super()[s] as usize]);
-            row_offsets.push(rows.len());
+            let below = &symbolic.row_idx()[first..][..symbolic.nnz_per_super()[s] as usize];
+            let pieces = (end - start).div_ceil(COLUMNS_MAX as u32).max(1);
+            let boundary = |piece: u32| start + (end - start) * piece / pieces;
+            for piece in 0..pieces {
+                begin.push(boundary(piece));
+                rows.extend(boundary(piece + 1)..end);
+                rows.extend_from_slice(below);
+                row_offsets.push(rows.len());
+            }
         }
+        let count = begin.len();
+        begin.push(n as u32);
         let mut value_offsets = vec![0];
         for s in 0..count {
             let width = (begin[s + 1] - begin[s]) as usize;
