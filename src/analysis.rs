@@ -220,7 +220,6 @@ fn eigenpairs(
         plateau,
         saturates: heat_kernel.is_some(),
     };
-    progress.checkpoint()?;
     let solution = solve(&problem, &request, progress)?;
     progress.checkpoint()?;
     let raw = solution.pairs.values.clone();

@@ -347,6 +347,32 @@ mod tests {
     }
 
     #[test]
+    fn a_supernode_of_many_columns_is_cut_into_several() {
+        let n = 1_100;
+        let weights = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| {
+            row.extend((0..n).filter(|&j| j != i).map(|j| (j as u32, 1.0)));
+        };
+        let matrix = Sparse::stiffness(n, || (), weights, |_| Ok::<_, std::convert::Infallible>(())).unwrap();
+        let order: Vec<u32> = (0..n as u32).collect();
+        let symbolic = Symbolic::analyze(&matrix, order, &Progress::new()).unwrap();
+        assert_eq!((symbolic.nodes.len(), symbolic.nodes.widest()), (3, 367));
+        let factor = symbolic.factor_double(&matrix, 0.5, &Progress::new()).unwrap();
+        assert!(relative_error(&matrix, 0.5, |x| factor.solve(x, &Progress::new()).unwrap()) < 1e-11);
+        // of the eigenvalues 0 and n, the latter n − 1 times
+        assert_eq!(symbolic.eigenvalues_below(&matrix, 0.5, &Progress::new()).unwrap(), Some(1));
+    }
+
+    #[test]
+    fn a_solution_ends_when_it_is_canceled() {
+        let (problem, symbolic) = analyzed();
+        let progress = Progress::new();
+        let factor = symbolic.factor(&problem.matrix, problem.shift, &progress).unwrap();
+        progress.cancel();
+        let mut x = Block::zeros(problem.size(), 1);
+        assert_eq!(factor.solve(&mut x, &progress), Err(Canceled));
+    }
+
+    #[test]
     fn parts_of_the_order_do_not_touch() {
         let (problem, symbolic) = analyzed();
         let mut rows = vec![(); SIDE * SIDE];

@@ -60,7 +60,6 @@ pub(super) fn fresh_block<V: Entry>(
     orthonormalize(work, &krylov.basis, progress)?;
     progress.checkpoint()?;
     append(krylov, work);
-    progress.checkpoint()?;
     Ok(())
 }
 

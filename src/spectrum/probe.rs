@@ -57,7 +57,6 @@ impl Probe {
                     std::mem::swap(&mut vectors, &mut product);
                 }
             }
-            progress.checkpoint()?;
             problem.project_out_null(&mut vectors);
             orthonormalize(&mut vectors, found, progress)?;
             sparse_product(&mut product, &problem.matrix, &vectors);

@@ -214,7 +214,6 @@ pub fn rayleigh_ritz(
     drop(product);
     progress.checkpoint()?;
     replace_by_product(&mut vectors, coefficients.as_ref());
-    progress.checkpoint()?;
     Ok(Eigenpairs::real(values, vectors))
 }
 

