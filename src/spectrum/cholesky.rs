@@ -363,16 +363,6 @@ mod tests {
     }
 
     #[test]
-    fn a_solution_ends_when_it_is_canceled() {
-        let (problem, symbolic) = analyzed();
-        let progress = Progress::new();
-        let factor = symbolic.factor(&problem.matrix, problem.shift, &progress).unwrap();
-        progress.cancel();
-        let mut x = Block::zeros(problem.size(), 1);
-        assert_eq!(factor.solve(&mut x, &progress), Err(Canceled));
-    }
-
-    #[test]
     fn parts_of_the_order_do_not_touch() {
         let (problem, symbolic) = analyzed();
         let mut rows = vec![(); SIDE * SIDE];
@@ -442,10 +432,12 @@ mod tests {
     }
 
     #[test]
-    fn a_canceled_factorisation_ends() {
+    fn canceled_factorisations_and_solutions_end() {
         let (problem, symbolic) = analyzed();
         let progress = Progress::new();
+        let factor = symbolic.factor(&problem.matrix, problem.shift, &progress).unwrap();
         progress.cancel();
+        assert_eq!(factor.solve(&mut Block::zeros(problem.size(), 1), &progress), Err(Canceled));
         let canceled = symbolic.factor(&problem.matrix, problem.shift, &progress);
         assert_eq!(canceled.err(), Some(SpectrumError::Canceled(Canceled)));
     }
