@@ -1,17 +1,11 @@
 //! The OpenAPI document: generated from the routes, the same as the file at the top of the repository.
 
-use std::sync::LazyLock;
-
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
+use serde_json::Value;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
     ComponentsBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, SecurityRequirement,
 };
-
-use super::examples;
-use super::problem::Problem;
 
 /// What the routes are added to.
 pub(super) fn base() -> OpenApi {
@@ -41,23 +35,20 @@ pub(super) fn base() -> OpenApi {
         .build()
 }
 
-/// The whole document.
-#[must_use]
-pub fn document() -> OpenApi {
-    examples::illustrate(super::routes().into_openapi())
+/// The document as it is sent. Lives as long as the program.
+#[derive(Debug)]
+pub(crate) struct Description {
+    /// As YAML.
+    pub yaml: Result<String, String>,
+    /// As JSON.
+    pub json: Result<Value, String>,
 }
 
-/// This interface as an OpenAPI document.
-#[utoipa::path(
-    get,
-    path = "/openapi.yaml",
-    tag = "service",
-    responses((status = 200, description = "The document.", body = Object, content_type = "application/yaml"))
-)]
-pub(crate) async fn openapi() -> Result<Response, Problem> {
-    // Made once: it takes milliseconds, too long for a thread that serves others.
-    static YAML: LazyLock<Result<String, String>> =
-        LazyLock::new(|| document().to_yaml().map_err(|error| error.to_string()));
-    let yaml = YAML.as_ref().map_err(|error| Problem::internal(error))?;
-    Ok(([(header::CONTENT_TYPE, "application/yaml")], yaml.as_str()).into_response())
+impl Description {
+    pub(super) fn of(document: &OpenApi) -> Self {
+        Self {
+            yaml: document.to_yaml().map_err(|error| error.to_string()),
+            json: serde_json::to_value(document).map_err(|error| error.to_string()),
+        }
+    }
 }

@@ -1,0 +1,24 @@
+//! How ids and times are written.
+
+use uuid::Uuid;
+
+use super::wire::problem::{Kind, Problem};
+use crate::store::Milliseconds;
+
+/// An id of a path; what is no UUID names nothing.
+pub(crate) fn parse_id(text: &str) -> Result<Uuid, Problem> {
+    text.parse().map_err(|_| {
+        let shown: String = text.chars().take(80).collect();
+        Problem::new(Kind::NotFound, format!("`{shown}` is not an id; ids are UUIDs"))
+    })
+}
+
+/// A time as the interface shows it: RFC 3339, UTC.
+pub(crate) fn timestamp(milliseconds: Milliseconds) -> String {
+    jiff::Timestamp::from_millisecond(milliseconds).unwrap_or_default().to_string()
+}
+
+/// The time.
+pub(crate) fn now() -> Milliseconds {
+    jiff::Timestamp::now().as_millisecond()
+}

@@ -1,0 +1,169 @@
+//! The bases of a job: JSON, NumPy array or archive, CSV, or PLY with the points.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::bases_files::Selection;
+use crate::cloud::ScalarType;
+use crate::http::results::asked::{self, Asked, ResultProblems};
+use crate::http::wire::accept::{CSV, JSON, NPY, NPZ, Offer, PLY};
+use crate::http::wire::download::Download;
+use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
+use crate::http::wire::query::{Accepts, Argument, Arguments, resource};
+
+/// What they can be had as.
+pub(crate) const OFFERS: [Offer; 5] = [JSON, NPY, PLY, NPZ, CSV];
+
+const ARGUMENTS: &[Argument] = &[
+    Argument {
+        name: "first",
+        alias: None,
+        accepts: Accepts::Integer(0, u64::MAX),
+        default: "0",
+        meaning: "Index of the first basis, from 0.",
+    },
+    Argument {
+        name: "count",
+        alias: None,
+        accepts: Accepts::Integer(1, u64::MAX),
+        default: "all from the first",
+        meaning: "Number of bases.",
+    },
+    asked::format(
+        &["json", "npy", "ply", "npz", "csv"],
+        "by Accept, else json",
+        "Format of the answer: `npy` is an array of points × bases in C order; `ply` has the points and one property per basis, `basis_0` and so on; `csv` the same in columns; `npz` has the arrays `points`, `eigenvalues`, `mass` and `bases`.",
+    ),
+    Argument {
+        name: "dtype",
+        alias: None,
+        accepts: Accepts::Word(&["f64", "f32"]),
+        default: "f64 for npy and npz, f32 for ply",
+        meaning: "Type of the bases in npy, npz and ply.",
+    },
+];
+
+resource!(
+    /// Query of `GET /jobs/{id}/bases`.
+    ReadBases: OFFERS, ARGUMENTS
+);
+
+/// Bases as JSON.
+#[derive(Debug, Serialize, ToSchema)]
+#[allow(dead_code, clippy::struct_field_names)] // describes what is written number by number
+pub(crate) struct Bases {
+    /// Rows of the upload.
+    points: u64,
+    /// Index of the first basis.
+    first: usize,
+    /// Number of bases.
+    count: usize,
+    /// Their eigenvalues λ.
+    eigenvalues: Vec<Option<f64>>,
+    /// One array per basis, one number per row of the upload; null for rows without a result.
+    bases: Vec<Vec<Option<f64>>>,
+}
+
+/// The bases: one number per basis and row of the upload.
+///
+/// Normalised so that `HᵀBH = I`. Rows without a result are NaN (null in JSON); duplicates have the values of their
+/// first occurrence. Answers in npy, npz and ply support ranges.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/bases",
+    tag = "results",
+    params(("id" = Uuid, Path, description = "The job."), ReadBases),
+    responses(
+        (status = 200, description = "The bases.", content((Bases = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"), (String = "text/csv")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"))),
+        (status = 304, description = "The client's copy is current."),
+        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn bases(asked: Asked<ReadBases>) -> Result<Response, Problem> {
+    respond(asked).await
+}
+
+pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem> {
+    let (job, spectrum) = asked.eigen().await?;
+    let (service, offer) = (&asked.service, asked.offer);
+    let bases = selected(&asked.arguments, spectrum.eigenvalues.len())?;
+    let selection = Selection {
+        store: service.store.clone(),
+        compute: service.compute.clone(),
+        job: job.id,
+        rows: job.points as usize,
+        chunk_rows: job.chunk_points,
+        bases: bases.clone(),
+    };
+    let kind = match (asked.arguments.word("dtype"), offer) {
+        (Some("f32"), _) | (None, PLY) => ScalarType::Float32,
+        _ => ScalarType::Float64,
+    };
+    let tag = format!("{}-{}-{}-{}", job.id.simple(), bases.start, bases.end, kind.ply_name());
+    let mut download = Download { offer, tag, stem: format!("bases-{}", job.id), length: None };
+    let beside = match offer {
+        NPY => 0,
+        // The archive's head holds the points and the masses again.
+        NPZ => 3 * service.store.cloud(job.cloud_id).await?.bytes(),
+        _ => service.store.cloud(job.cloud_id).await?.bytes(),
+    };
+    let eigenvalues = &spectrum.eigenvalues[bases];
+    if offer == JSON {
+        asked.refuse_large_json(job.points * eigenvalues.len() as u64)?;
+        let eigenvalues = serde_json::to_string(eigenvalues).map_err(|error| Problem::internal(&error))?;
+        return download.answer(&asked.method, &asked.headers, |_| selection.json(&eigenvalues));
+    }
+    let share = service.answer_memory.share(selection.bytes_at_work(kind) + beside).await?;
+    let cloud = match offer {
+        NPY => None,
+        _ => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
+    };
+    let answer = match (offer, cloud) {
+        (CSV, Some(cloud)) => download.answer(&asked.method, &asked.headers, |_| selection.csv(cloud)),
+        (NPZ, Some(cloud)) => {
+            let mass = service.store.mass(job.id).await?;
+            let (planned, eigenvalues) = (selection.clone(), eigenvalues.to_vec());
+            let archive = move || planned.archive(&cloud, &eigenvalues, &mass, kind);
+            let (layout, open) = service.compute.run(archive).await?;
+            download.length = Some(layout.length());
+            download.answer(&asked.method, &asked.headers, |span| {
+                let encode = move |chunk| selection.clone().checked_chunk(chunk, kind);
+                layout.stream_sealed(span, encode, |checksum| open.tail(checksum))
+            })
+        }
+        (_, cloud) => {
+            let (planned, shown) = (selection.clone(), cloud.clone());
+            let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
+            download.length = Some(layout.length());
+            download.answer(&asked.method, &asked.headers, |span| {
+                layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
+            })
+        }
+    };
+    Ok(share.until_sent(answer?))
+}
+
+/// The bases that `first` and `count` select of `available`.
+fn selected(arguments: &Arguments, available: usize) -> Result<Range<usize>, Problem> {
+    let first = arguments.integer("first").unwrap_or(0);
+    let count = arguments.integer("count").unwrap_or((available as u64).saturating_sub(first));
+    let end = first.saturating_add(count);
+    if first < available as u64 && end <= available as u64 {
+        return Ok(first as usize..end as usize);
+    }
+    Err(Problem::new(
+        Kind::InvalidParameter,
+        format!(
+            "the job has {available} bases, 0 to {}; first={first} and count={count} reach beyond",
+            available - 1
+        ),
+    )
+    .with("parameter", if first < available as u64 { "count" } else { "first" })
+    .with("available", available))
+}

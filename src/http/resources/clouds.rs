@@ -1,0 +1,197 @@
+//! Clouds: listing, showing, deleting.
+
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::{Extensions, StatusCode, Uri};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::geometry::Sampling;
+use crate::http::notation::{parse_id, timestamp};
+use crate::http::paging::{PAGE_DEFAULT, PAGING};
+use crate::http::service::Shared;
+use crate::http::wire::owners;
+use crate::http::wire::problem::{Problem, ProblemDocument};
+use crate::http::wire::query::{Nothing, arguments};
+use crate::store::{CloudRecord, FieldRecord, JobState, Page, Store};
+
+arguments!(
+    /// Query of `GET /clouds`.
+    ListClouds = PAGING
+);
+
+/// What is known of a cloud from its upload alone.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct CloudSummary {
+    /// Its id.
+    id: Uuid,
+    /// When it was stored, RFC 3339.
+    #[schema(format = DateTime)]
+    created: String,
+    /// SHA-256 of coordinates, fields and faces, in hex: the same whatever the format of the upload.
+    digest: String,
+    /// Rows of the upload.
+    points: u64,
+    /// Coordinates per point.
+    dimension: usize,
+    /// Rows with a non-finite coordinate.
+    nonfinite: u64,
+    /// Rows that repeat an earlier row's position.
+    duplicates: u64,
+    /// Over the finite points, in units of the upload.
+    bounding_box: BoundingBox,
+    /// Type of the coordinates in the upload.
+    #[schema(value_type = String)]
+    coordinate_type: crate::cloud::ScalarType,
+    /// Per-point scalars of the upload.
+    fields: Vec<FieldRecord>,
+    /// Triangles of the upload.
+    faces: u64,
+    /// Where its points and jobs are.
+    links: BTreeMap<&'static str, String>,
+}
+
+/// An axis-aligned box.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct BoundingBox {
+    /// Least coordinate on every axis.
+    minimum: Vec<f64>,
+    /// Greatest coordinate on every axis.
+    maximum: Vec<f64>,
+}
+
+/// A cloud, with what its latest successful job learned of its sampling.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Cloud)]
+pub(crate) struct CloudView {
+    /// From the upload.
+    #[serde(flatten)]
+    summary: CloudSummary,
+    /// Rows that carry a result of their own; before the first successful job, those finite and not repeated.
+    points_used: u64,
+    /// Covering radius ε, spacing and density, as the latest successful job found them; null before.
+    sampling: Option<Sampling>,
+}
+
+impl From<&CloudRecord> for CloudSummary {
+    fn from(cloud: &CloudRecord) -> Self {
+        let (minimum, maximum) = cloud.bounding_box.clone();
+        let path = format!("/clouds/{}", cloud.id);
+        Self {
+            id: cloud.id,
+            created: timestamp(cloud.created),
+            digest: cloud.digest.clone(),
+            points: cloud.points,
+            dimension: cloud.dimension,
+            nonfinite: cloud.nonfinite,
+            duplicates: cloud.duplicates,
+            bounding_box: BoundingBox { minimum, maximum },
+            coordinate_type: cloud.coordinate_type,
+            fields: cloud.fields.clone(),
+            faces: cloud.faces,
+            links: BTreeMap::from([
+                ("jobs", format!("/jobs?cloud={}", cloud.id)),
+                ("points", format!("{path}/points")),
+                ("self", path),
+            ]),
+        }
+    }
+}
+
+impl CloudView {
+    /// With what the store knows of the cloud's jobs.
+    ///
+    /// # Errors
+    /// As [`Store::jobs`].
+    pub(crate) async fn load(store: &Store, cloud: &CloudRecord) -> Result<Self, Problem> {
+        let latest = store.jobs(&cloud.owner, Some(JobState::Succeeded), Some(cloud.id), None, 1).await?;
+        let report = latest.items.into_iter().next().and_then(|job| job.report);
+        let points_used = match &report {
+            Some(report) => report.points_used as u64,
+            None => cloud.points - cloud.nonfinite - cloud.duplicates,
+        };
+        Ok(Self { summary: cloud.into(), points_used, sampling: report.map(|report| report.sampling) })
+    }
+}
+
+/// A page of clouds, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct CloudPage {
+    /// The clouds.
+    clouds: Vec<CloudSummary>,
+    /// Pass it as `cursor` for the next page; null on the last.
+    next: Option<Uuid>,
+}
+
+/// Clouds, newest first.
+#[utoipa::path(
+    get,
+    path = "/clouds",
+    operation_id = "list_clouds",
+    tag = "clouds",
+    params(ListClouds),
+    responses(
+        (status = 200, description = "A page.", body = CloudPage),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn list(
+    State(service): State<Shared>,
+    uri: Uri,
+    extensions: Extensions,
+) -> Result<Json<CloudPage>, Problem> {
+    let arguments = ListClouds::read(&uri)?;
+    let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
+    let owner = owners::owner(&extensions);
+    let Page { items, next } = service.store.clouds(&owner, arguments.id("cursor"), limit).await?;
+    Ok(Json(CloudPage { clouds: items.iter().map(CloudSummary::from).collect(), next }))
+}
+
+/// A cloud: counts, bounding box, digest, fields, sampling.
+#[utoipa::path(
+    get,
+    path = "/clouds/{id}",
+    operation_id = "show_cloud",
+    tag = "clouds",
+    params(("id" = Uuid, Path, description = "The cloud.")),
+    responses(
+        (status = 200, description = "The cloud.", body = CloudView),
+        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn show(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<Json<CloudView>, Problem> {
+    Nothing::read(&uri)?;
+    let cloud = service.store.cloud(parse_id(&id)?).await?;
+    Ok(Json(CloudView::load(&service.store, &cloud).await?))
+}
+
+/// Deletes a cloud with its jobs and their results.
+#[utoipa::path(
+    delete,
+    path = "/clouds/{id}",
+    operation_id = "delete_cloud",
+    tag = "clouds",
+    params(("id" = Uuid, Path, description = "The cloud.")),
+    responses(
+        (status = 204, description = "Deleted."),
+        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 409, description = "It has jobs that are not at their end.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn delete(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<StatusCode, Problem> {
+    Nothing::read(&uri)?;
+    service.store.delete_cloud(parse_id(&id)?).await?;
+    Ok(StatusCode::NO_CONTENT)
+}

@@ -1,0 +1,271 @@
+//! The manifold harmonic transform: functions into coefficients, and back.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use axum::extract::Request;
+use axum::response::Response;
+use serde::Serialize;
+use serde_json::{Map, Value};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::cloud::ScalarType;
+use crate::cloud::writer::{Column, encode_rows, npy_header};
+use crate::harmonics::filtered::Target;
+use crate::harmonics::functions::rows_without_result;
+use crate::harmonics::{Energy, Function, Modes, Transformed, transform};
+use crate::http::results::asked::{self, Asked, Harmonics, Resource, ResultProblems};
+use crate::http::results::functions::{self, BANDS, NumberLists, bands, forward, of_own};
+use crate::http::results::per_row::PerRow;
+use crate::http::wire::accept::{JSON, NPY, Offer, PLY};
+use crate::http::wire::download::{self, Download};
+use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
+use crate::http::wire::query::{Accepts, Argument, Arguments, resource};
+
+/// What coefficients can be had as.
+pub(crate) const OFFERS: [Offer; 2] = [JSON, NPY];
+/// What a synthesis can be had as.
+pub(crate) const SYNTHESIS_OFFERS: [Offer; 3] = [JSON, NPY, PLY];
+
+const ARGUMENTS: &[Argument] = &[asked::format(
+    &["json", "npy"],
+    "by Accept, else json",
+    "Format of the answer: `npy` is an array of bases × functions, without names and energies.",
+)];
+
+const SYNTHESIS_ARGUMENTS: &[Argument] = &[asked::format(
+    &["json", "npy", "ply"],
+    "by Accept, else json",
+    "Format of the answer: `npy` is an array of points × functions; `ply` has the points and one property per function.",
+)];
+
+resource!(
+    /// Query of `GET` and `POST /jobs/{id}/coefficients`.
+    ReadCoefficients: OFFERS, ARGUMENTS, BANDS
+);
+resource!(
+    /// Query of `POST /jobs/{id}/synthesis`.
+    Synthesize: SYNTHESIS_OFFERS, SYNTHESIS_ARGUMENTS
+);
+
+/// Functions in the bases.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct Coefficients {
+    /// The job.
+    job_id: Uuid,
+    /// The cloud it analysed.
+    cloud_id: Uuid,
+    /// Rows of the upload.
+    points: usize,
+    /// Rows that carry no result and take no part.
+    rows_without_result: usize,
+    /// λ of every mode in 1/length²; null where it carries no information.
+    eigenvalues: Vec<Option<f64>>,
+    /// √λ of every mode in 1/length; null where λ is.
+    frequencies: Vec<Option<f64>>,
+    /// `fᵀ B H_i` of every function by its name, one number per mode; in the function's units times length.
+    #[schema(value_type = BTreeMap<String, Vec<f64>>)]
+    fields: Map<String, Value>,
+    /// How every function's energy `fᵀBf` is spread over the modes.
+    energy: BTreeMap<String, Energy>,
+    /// Fields of the upload that have no coefficients, and why.
+    omitted: BTreeMap<String, String>,
+    /// What to know before trusting the bases.
+    warnings: Vec<String>,
+    /// Index ranges `[first, last]` of modes inside which single coefficients depend on an arbitrary choice of bases.
+    clusters: Vec<[usize; 2]>,
+}
+
+/// Coefficients of x, y, z and of every scalar field of the upload.
+///
+/// `f̃_i = fᵀ B H_i`, with energies by Parseval's identity: `fᵀBf = Σ f̃_i²` plus what lies outside of the span of the
+/// bases.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/coefficients",
+    tag = "harmonics",
+    params(("id" = Uuid, Path, description = "The job."), ReadCoefficients),
+    responses(
+        (status = 200, description = "The coefficients.", content((Coefficients = "application/json"), (Vec<u8> = "application/x-npy"))),
+        (status = 304, description = "The client's copy is current."),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn coefficients(asked: Asked<ReadCoefficients>) -> Result<Response, Problem> {
+    let mut harmonics = asked.harmonics().await?;
+    let tag = asked::tag(harmonics.job.id, &bands(&asked.arguments));
+    let store = &asked.service.store;
+    let cloud = store.load_cloud(harmonics.job.cloud_id).await?;
+    let mass = store.mass(harmonics.job.id).await?;
+    let mut given = Target::Coordinates.functions(&cloud, &mass)?;
+    let mut omitted = BTreeMap::new();
+    for place in 0..cloud.fields().len() {
+        match Target::Fields(vec![place]).functions(&cloud, &mass) {
+            Ok(field) => given.extend(field),
+            Err(error) => {
+                omitted.insert(cloud.fields()[place].name.clone(), error.to_string());
+            }
+        }
+    }
+    let rows_without_result = rows_without_result(&mass);
+    let (given, found) = of_own(&mut harmonics, given, mass).await?;
+    answer(&asked, harmonics, &given, &found, (rows_without_result, omitted), tag)
+}
+
+/// Coefficients of posted functions.
+///
+/// The body is JSON (an array of numbers, one per row of the upload; an array of such arrays; or an object of them by
+/// name) or an npy file of n or n × m numbers. Rows without a result may be null or NaN.
+#[utoipa::path(
+    post,
+    path = "/jobs/{id}/coefficients",
+    tag = "harmonics",
+    params(("id" = Uuid, Path, description = "The job."), ReadCoefficients),
+    request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The functions."),
+    responses(
+        (status = 200, description = "The coefficients.", content((Coefficients = "application/json"), (Vec<u8> = "application/x-npy"))),
+        (status = 400, description = "The body holds no numbers.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn of_posted(
+    mut asked: Asked<ReadCoefficients>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let mut harmonics = asked.harmonics().await?;
+    let given = functions::receive(&asked.service, request).await?;
+    functions::check_length(&given, harmonics.bases.rows())?;
+    let mass = asked.service.store.mass(harmonics.job.id).await?;
+    functions::check_finite(&given, &mass)?;
+    asked.forget_conditions();
+    let tag = harmonics.job.id.simple().to_string();
+    let rows_without_result = rows_without_result(&mass);
+    let (given, found) = forward(&mut harmonics, given, mass).await?;
+    answer(&asked, harmonics, &given, &found, (rows_without_result, BTreeMap::new()), tag)
+}
+
+fn answer(
+    asked: &Asked<ReadCoefficients>,
+    harmonics: Harmonics,
+    given: &[Function],
+    found: &[Transformed],
+    (rows_without_result, omitted): (usize, BTreeMap<String, String>),
+    tag: String,
+) -> Result<Response, Problem> {
+    let stem = format!("coefficients-{}", harmonics.job.id);
+    let bytes = if asked.offer == NPY {
+        npy(found)
+    } else {
+        let Harmonics { job, modes, bases, share: _share } = harmonics;
+        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
+        let bands = bands(&asked.arguments);
+        let named = || given.iter().map(|function| function.name.clone()).zip(found);
+        let answer = Coefficients {
+            job_id: job.id,
+            cloud_id: job.cloud_id,
+            points: bases.rows(),
+            rows_without_result,
+            eigenvalues: modes.eigenvalues().iter().map(|&lambda| finite(lambda)).collect(),
+            frequencies: (0..modes.len()).map(|mode| finite(modes.frequency(mode))).collect(),
+            energy: named().map(|(name, found)| (name, Energy::of(found, bands))).collect(),
+            fields: named().map(|(name, found)| (name, found.coefficients.clone().into())).collect(),
+            omitted,
+            warnings: job.report.map(|report| report.warnings).unwrap_or_default(),
+            clusters: modes.clusters().to_vec(),
+        };
+        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))?
+    };
+    let download = Download { offer: asked.offer, tag, stem, length: Some(bytes.len() as u64) };
+    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+}
+
+/// Bases × functions, in C order.
+fn npy(found: &[Transformed]) -> Vec<u8> {
+    let kind = ScalarType::Float64;
+    let rows = found.first().map_or(0, |function| function.coefficients.len());
+    let columns: Vec<_> = found.iter().map(|f| Column { values: &f.coefficients, stride: 1, kind }).collect();
+    let mut bytes = npy_header(rows, found.len(), kind);
+    bytes.extend(encode_rows(&columns, rows));
+    bytes
+}
+
+/// Functions from posted coefficients: the inverse of the transform.
+///
+/// The body is as for `POST …/coefficients`, one number per mode; lists may end early. An answer of
+/// `GET …/coefficients` can be sent back as it came.
+#[utoipa::path(
+    post,
+    path = "/jobs/{id}/synthesis",
+    tag = "harmonics",
+    params(("id" = Uuid, Path, description = "The job."), Synthesize),
+    request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The coefficients."),
+    responses(
+        (status = 200, description = "One number per function and row of the upload: in JSON `names`, and `values` with an array per function.", content((Synthesized = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"))),
+        (status = 400, description = "The body holds no numbers.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, request: Request) -> Result<Response, Problem> {
+    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
+    let given = functions::receive(&asked.service, request).await?;
+    check_coefficients(&given, &modes)?;
+    asked.forget_conditions();
+    let names: Vec<String> = given.iter().map(|function| function.name.clone()).collect();
+    let head = Map::from_iter([
+        ("job_id".to_owned(), job.id.to_string().into()),
+        ("points".to_owned(), bases.rows().into()),
+        ("names".to_owned(), names.clone().into()),
+    ]);
+    let per_row = PerRow {
+        bases,
+        // coordinates keep their place in PLY: a property of the same name would be read as one
+        names: names
+            .iter()
+            .map(|name| if asked.offer == PLY { format!("f_{name}") } else { name.clone() })
+            .collect(),
+        work: Arc::new(move |block| {
+            let lists: Vec<&[f64]> = given.iter().map(|list| list.values.as_slice()).collect();
+            transform::synthesize(block, &lists)
+        }),
+        is_single: false,
+        head,
+        tag: job.id.simple().to_string(),
+        stem: "synthesis",
+    };
+    per_row.answer(&asked, &job).await
+}
+
+fn check_coefficients(given: &[Function], modes: &Modes) -> Result<(), Problem> {
+    let available = modes.len();
+    for list in given {
+        let refuse = |what: String| {
+            Err(Problem::new(Kind::InvalidParameter, format!("`{}` {what}", list.name))
+                .with("parameter", list.name.clone())
+                .with("available", available))
+        };
+        if list.values.len() > available {
+            return refuse(format!("has {} coefficients; the job has {available} bases", list.values.len()));
+        }
+        if let Some(place) = list.values.iter().position(|c| !c.is_finite()) {
+            return refuse(format!("is no finite number at place {place} (counting from 0)"));
+        }
+    }
+    Ok(())
+}
+
+/// Functions on the rows of the upload.
+#[derive(Debug, Serialize, ToSchema)]
+#[allow(dead_code)] // describes what is written column by column
+pub(crate) struct Synthesized {
+    /// The job.
+    job_id: Uuid,
+    /// Rows of the upload.
+    points: usize,
+    /// Names of the functions.
+    names: Vec<String>,
+    /// One array per function, one number per row; null without a result.
+    values: Vec<Vec<Option<f64>>>,
+}

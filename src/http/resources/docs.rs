@@ -1,0 +1,229 @@
+//! The OpenAPI document: as YAML, and as a page (`GET /docs`) without scripts and without anything from elsewhere.
+
+use std::fmt::Write as _;
+use std::sync::{LazyLock, OnceLock};
+
+use axum::Extension;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde_json::Value;
+
+use crate::http::openapi::Description;
+use crate::http::wire::problem::Problem;
+
+/// The page loads nothing and runs nothing.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222;\
+    background:#fff}h2{margin-top:2.5rem;border-bottom:1px solid #ccc}summary{cursor:pointer;padding:.3rem 0}\
+    code,pre,b{font-family:ui-monospace,monospace}pre{background:#f5f5f5;padding:.6rem;overflow-x:auto}\
+    table{border-collapse:collapse;width:100%;margin:.4rem 0 1rem}td,th{border:1px solid #ddd;padding:.25rem .5rem;\
+    text-align:left;vertical-align:top}b{color:#1b4f8f}details>div{margin-left:1.2rem}\
+    @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}pre{background:#242424}b{color:#8ab8f0}\
+    a{color:#8ab8f0}td,th{border-color:#444}}";
+
+/// Methods in the order in which they are shown.
+const METHODS: [&str; 4] = ["get", "put", "post", "delete"];
+
+type Described = Extension<&'static LazyLock<Description>>;
+
+/// This interface as an OpenAPI document.
+#[utoipa::path(
+    get,
+    path = "/openapi.yaml",
+    tag = "service",
+    responses((status = 200, description = "The document.", body = Object, content_type = "application/yaml"))
+)]
+pub(crate) async fn openapi(Extension(description): Described) -> Result<Response, Problem> {
+    let yaml = description.yaml.as_ref().map_err(|error| Problem::internal(error))?;
+    Ok(([(header::CONTENT_TYPE, "application/yaml")], yaml.as_str()).into_response())
+}
+
+/// This interface as a page to read.
+#[utoipa::path(
+    get,
+    path = "/docs",
+    tag = "service",
+    responses((status = 200, description = "The page.", body = String, content_type = "text/html"))
+)]
+pub(crate) async fn docs(Extension(description): Described) -> Result<Response, Problem> {
+    // Made once, as the document is.
+    static PAGE: OnceLock<String> = OnceLock::new();
+    let document = description.json.as_ref().map_err(|error| Problem::internal(error))?;
+    let html = PAGE.get_or_init(|| page(document));
+    let headers =
+        [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CONTENT_SECURITY_POLICY, POLICY)];
+    Ok((headers, html.as_str()).into_response())
+}
+
+/// The whole page. Writing to a string cannot fail.
+fn page(document: &Value) -> String {
+    let info = &document["info"];
+    let title = text(&info["title"]);
+    let mut html = format!(
+        "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style>\
+         <h1>{title} {}</h1><p>{}</p><p>The same as <a href=\"/openapi.yaml\">openapi.yaml</a>; \
+         <a href=\"/capabilities\">capabilities</a> has formats, parameters and limits as data.</p>",
+        text(&info["version"]),
+        text(&info["description"])
+    );
+    for tag in document["tags"].as_array().into_iter().flatten() {
+        let _ = write!(html, "<h2>{}</h2><p>{}</p>", text(&tag["name"]), text(&tag["description"]));
+        for (path, item) in document["paths"].as_object().into_iter().flatten() {
+            for method in METHODS {
+                let operation = &item[method];
+                if operation["tags"].as_array().is_some_and(|tags| tags.contains(&tag["name"])) {
+                    show_operation(&mut html, method, path, operation);
+                }
+            }
+        }
+    }
+    html.push_str("<h2>Schemas</h2>");
+    for (name, schema) in document["components"]["schemas"].as_object().into_iter().flatten() {
+        let (name, description) = (escaped(name), text(&schema["description"]));
+        let _ =
+            write!(html, "<details id=\"{name}\"><summary><code>{name}</code> {description}</summary><div>");
+        show_fields(&mut html, schema);
+        html.push_str("</div></details>");
+    }
+    html.push_str("</html>");
+    html
+}
+
+fn show_operation(html: &mut String, method: &str, path: &str, operation: &Value) {
+    let _ = write!(
+        html,
+        "<details><summary><b>{}</b> <code>{}</code> {}</summary><div><p>{}</p>",
+        method.to_ascii_uppercase(),
+        escaped(path),
+        text(&operation["summary"]),
+        text(&operation["description"])
+    );
+    if let Some(parameters) = operation["parameters"].as_array().filter(|all| !all.is_empty()) {
+        html.push_str("<table><tr><th>parameter<th>in<th>values<th>meaning");
+        for parameter in parameters {
+            let _ = write!(
+                html,
+                "<tr><td><code>{}</code><td>{}<td>{}<td>{}",
+                text(&parameter["name"]),
+                text(&parameter["in"]),
+                kind(&parameter["schema"]),
+                text(&parameter["description"])
+            );
+        }
+        html.push_str("</table>");
+    }
+    show_contents(html, "body", &operation["requestBody"]);
+    for (status, response) in operation["responses"].as_object().into_iter().flatten() {
+        show_contents(html, &escaped(status), response);
+    }
+    html.push_str("</div></details>");
+}
+
+/// What a body may be: its media types with their schemas.
+fn show_contents(html: &mut String, name: &str, body: &Value) {
+    if body.is_null() {
+        return;
+    }
+    let _ = write!(html, "<p><b>{name}</b> {}", text(&body["description"]));
+    for (media_type, content) in body["content"].as_object().into_iter().flatten() {
+        let _ = write!(html, "<br><code>{}</code> {}", escaped(media_type), kind(&content["schema"]));
+    }
+    html.push_str("</p>");
+}
+
+/// The fields of a schema, with those of its parts.
+fn show_fields(html: &mut String, schema: &Value) {
+    if let Some(fields) = schema["properties"].as_object() {
+        html.push_str("<table><tr><th>field<th>type<th>meaning<th>example");
+        for (name, field) in fields {
+            let example =
+                field["examples"].get(0).map(|value| format!("<code>{}</code>", escaped(&value.to_string())));
+            let _ = write!(
+                html,
+                "<tr><td><code>{}</code><td>{}<td>{}<td>{}",
+                escaped(name),
+                kind(field),
+                text(&field["description"]),
+                example.unwrap_or_default()
+            );
+        }
+        html.push_str("</table>");
+    } else if let Some(words) = schema["enum"].as_array() {
+        let words: Vec<String> = words.iter().map(text).collect();
+        let _ = write!(html, "<p>{}</p>", words.join(", "));
+    }
+    for part in ["allOf", "oneOf"].iter().flat_map(|key| schema[*key].as_array().into_iter().flatten()) {
+        match part["$ref"].as_str() {
+            Some(_) => {
+                let _ = write!(html, "<p>with {}</p>", kind(part));
+            }
+            None => show_fields(html, part),
+        }
+    }
+}
+
+/// What values a schema has, in a few words.
+fn kind(schema: &Value) -> String {
+    if let Some(name) = schema["$ref"].as_str().and_then(|reference| reference.rsplit('/').next()) {
+        let name = escaped(name);
+        return format!("<a href=\"#{name}\">{name}</a>");
+    }
+    if let Some(words) = schema["enum"].as_array() {
+        return words.iter().map(text).collect::<Vec<_>>().join(", ");
+    }
+    if let Some(choices) = ["oneOf", "anyOf"].iter().find_map(|key| schema[*key].as_array()) {
+        return choices.iter().map(kind).collect::<Vec<_>>().join(" or ");
+    }
+    let name = match &schema["type"] {
+        Value::Array(names) => names.iter().map(text).collect::<Vec<_>>().join(" or "),
+        name => text(name),
+    };
+    let range: Vec<String> = [("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to")]
+        .iter()
+        .filter_map(|(key, word)| Some(format!(" {word} {}", schema[*key].as_f64()?)))
+        .collect();
+    match schema.get("items") {
+        Some(items) => format!("{name} of {}", kind(items)),
+        None => name + &range.concat(),
+    }
+}
+
+/// A string of the document, fit for the page.
+fn text(value: &Value) -> String {
+    escaped(value.as_str().unwrap_or_default())
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_shows_every_operation_and_every_field_and_escapes_them() {
+        let document = serde_json::json!({
+            "info": {"title": "t", "version": "1", "description": "a < b"},
+            "tags": [{"name": "one", "description": "first"}],
+            "paths": {"/x/{id}": {"get": {"tags": ["one"], "summary": "Gets.",
+                "parameters": [{"name": "id", "in": "path", "description": "Which.", "schema": {"type": "integer", "minimum": 1}}],
+                "responses": {"200": {"description": "It.", "content": {"text/csv": {"schema": {"$ref": "#/c/s/X"}}}}}}}},
+            "components": {"schemas": {"X": {"description": "An x.",
+                "properties": {"n": {"type": ["number", "null"], "description": "A number.", "examples": ["\"<&"]}}}}},
+        });
+        let html = page(&document);
+        for part in [
+            "a &lt; b",
+            "<b>GET</b> <code>/x/{id}</code> Gets.",
+            "integer from 1",
+            "<code>text/csv</code> <a href=\"#X\">X</a>",
+            "<details id=\"X\">",
+            "number or null",
+            "\\&quot;&lt;&amp;",
+        ] {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! `GET /jobs/{id}/events`: a job's state and progress as they change.
+
+use std::convert::Infallible;
+use std::time::Duration;
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures_util::stream;
+use sha2::{Digest, Sha256};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use super::jobs::JobView;
+use crate::http::notation::{now, parse_id};
+use crate::http::service::Shared;
+use crate::http::wire::problem::{Problem, ProblemDocument};
+use crate::http::wire::query::Nothing;
+use crate::store::JobRecord;
+
+/// Pause after which a comment shows that the connection lives.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+/// Pause after which a client connects again.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// An event, as the lines of the stream tell it.
+#[derive(Debug, ToSchema)]
+#[allow(dead_code)] // names the answer in the OpenAPI document
+pub(crate) struct JobEvent {
+    /// Names this state of the job: what `Last-Event-ID` repeats.
+    id: String,
+    /// `progress`, or the state that the job ended in.
+    event: String,
+    /// Milliseconds after which to connect again.
+    retry: u64,
+    /// The job as of `GET /jobs/{id}`, in JSON.
+    data: String,
+}
+
+/// A job's state and progress as server-sent events.
+///
+/// An event is called `progress` while the job is on its way and by the state that it ended in (`succeeded`, `failed`,
+/// `canceled`) at last, after which the stream ends; its data is the job as of `GET /jobs/{id}`. A client that connects
+/// again with `Last-Event-ID` is not told what it knows; when it knows the end, 204 tells it to stay away.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/events",
+    operation_id = "job_events",
+    tag = "jobs",
+    params(
+        ("id" = Uuid, Path, description = "The job."),
+        ("Last-Event-ID" = Option<String>, Header, description = "The id of the last event that the client has."),
+    ),
+    responses(
+        (status = 200, description = "The events.", body = JobEvent, content_type = "text/event-stream"),
+        (status = 204, description = "The client knows how the job ended."),
+        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn events(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Nothing::read(&uri)?;
+    let id = parse_id(&id)?;
+    let known = headers.get("last-event-id").and_then(|value| value.to_str().ok()).map(str::to_owned);
+    let job = service.store.job(id).await?;
+    if job.state.is_terminal() && known.as_deref() == Some(name(&job).as_str()) {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    let follow = Follow { service, id, known, has_ended: false };
+    let stream = stream::unfold(follow, |mut follow| async {
+        let event = follow.next().await?;
+        Some((Ok::<Event, Infallible>(event), follow))
+    });
+    Ok(Sse::new(stream).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)).into_response())
+}
+
+/// Names a state of a job: the same for the same state and progress, also after a restart.
+fn name(job: &JobRecord) -> String {
+    let state = (job.state, job.attempt, job.phase, job.progress.to_bits(), job.queue_position);
+    let digest = Sha256::digest(serde_json::to_vec(&state).unwrap_or_default());
+    Uuid::from_slice(&digest[..16]).unwrap_or_default().simple().to_string()
+}
+
+struct Follow {
+    service: Shared,
+    id: Uuid,
+    known: Option<String>,
+    has_ended: bool,
+}
+
+impl Follow {
+    /// The next event; `None` after the job's end, when the job is deleted, and when the service stops.
+    async fn next(&mut self) -> Option<Event> {
+        let mut changes = self.service.store.changes();
+        while !self.has_ended {
+            changes.mark_unchanged();
+            let job = self.service.store.job(self.id).await.ok()?;
+            let name = name(&job);
+            if self.known.as_ref() != Some(&name) {
+                self.has_ended = job.state.is_terminal();
+                let called = if self.has_ended { job.state.name() } else { "progress" };
+                let event = Event::default().id(&name).event(called).retry(RETRY);
+                self.known = Some(name);
+                return event.json_data(JobView::new(&job, now())).ok();
+            }
+            if job.state.is_terminal() {
+                return None;
+            }
+            tokio::select! {
+                _ = changes.changed() => {}
+                () = self.service.stopping.cancelled() => return None,
+            }
+        }
+        None
+    }
+}

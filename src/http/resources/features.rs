@@ -1,0 +1,178 @@
+//! Salient feature points of a surface.
+
+use std::sync::Arc;
+
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::cloud::PointCloud;
+use crate::harmonics::features::{self as salient, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
+use crate::harmonics::{Modes, Surroundings};
+use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
+use crate::http::results::view::{self, VIEW};
+use crate::http::wire::accept::{JSON, Offer, PLY, PNG};
+use crate::http::wire::download::{self, Download};
+use crate::http::wire::problem::{Problem, ProblemDocument};
+use crate::http::wire::query::{Accepts, Argument, resource};
+use crate::picture::Paint;
+
+/// What they can be had as.
+pub(crate) const OFFERS: [Offer; 3] = [JSON, PLY, PNG];
+
+pub(crate) const ARGUMENTS: &[Argument] = &[
+    asked::format(
+        &["json", "ply", "png"],
+        "by Accept, else json",
+        "Format of the answer: `ply` has the feature points with `index`, `persistence` and the number of `pairs`; `png` is a picture of the cloud with them.",
+    ),
+    Argument {
+        name: "modes",
+        alias: None,
+        accepts: Accepts::Integer(2, u64::MAX),
+        default: "all",
+        meaning: "Look at the first so many modes only: the lower ones are the more stable.",
+    },
+    Argument {
+        name: "persistence",
+        alias: None,
+        accepts: Accepts::NonNegative,
+        default: "0.1",
+        meaning: "Least persistence of an extremum, as a multiple of a basis' root mean square.",
+    },
+    Argument {
+        name: "radius",
+        alias: None,
+        accepts: Accepts::Positive,
+        default: "2ε",
+        meaning: "Radius of the neighbourhoods, in units of the cloud.",
+    },
+    Argument {
+        name: "limit",
+        alias: None,
+        accepts: Accepts::Integer(1, u64::MAX),
+        default: "all",
+        meaning: "Only the so many most persistent feature points.",
+    },
+];
+
+resource!(
+    /// Query of `GET /jobs/{id}/features`.
+    ReadFeatures: OFFERS, ARGUMENTS, VIEW
+);
+
+/// Feature points, most persistent first.
+#[derive(Debug, Serialize, ToSchema)]
+#[allow(clippy::struct_field_names)] // the list is what the resource is called
+pub(crate) struct Features {
+    /// The job.
+    job_id: Uuid,
+    /// The cloud it analysed.
+    cloud_id: Uuid,
+    /// Rows of the upload.
+    points: usize,
+    /// Rows that carry no result and were not looked at.
+    rows_without_result: usize,
+    /// Modes that were looked at.
+    modes: usize,
+    /// Radius of the neighbourhoods, in units of the cloud.
+    radius: f64,
+    /// Index ranges `[first, last]` of modes whose extrema depend on an arbitrary choice of bases.
+    clusters: Vec<[usize; 2]>,
+    /// The feature points.
+    features: Vec<Feature>,
+}
+
+/// Salient feature points: where two consecutive bases have an extremum at the same place.
+///
+/// An extremum is a maximum of `|H|` among the points within 2ε (at least the 6, at most the 48 nearest) where H has the
+/// same sign, so the signs of bases do not matter. Places within 2ε are one. Pairs inside of `clusters` depend on an
+/// arbitrary choice of bases.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/features",
+    tag = "harmonics",
+    params(("id" = Uuid, Path, description = "The job."), ReadFeatures),
+    responses(
+        (status = 200, description = "The feature points.", content((Features = "application/json"), (Vec<u8> = "application/ply"), (Vec<u8> = "image/png")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 304, description = "The client's copy is current."),
+        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Problem> {
+    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
+    let arguments = &asked.arguments;
+    let count = arguments.integer("modes").map_or(modes.len(), |count| modes.len().min(count as usize));
+    let persistence = arguments.number("persistence").unwrap_or(PERSISTENCE_MIN);
+    let epsilon = job.report.as_ref().map_or(0.0, |report| report.sampling.epsilon);
+    let radius = arguments.number("radius").unwrap_or(RADIUS_IN_EPSILON * epsilon);
+    let limit = arguments.integer("limit").map_or(usize::MAX, |limit| limit as usize);
+    let view = view::read(arguments);
+    let drawn = (asked.offer == PNG).then(|| view::key(&view));
+    let tag = asked::tag(job.id, &(count, persistence.to_bits(), radius.to_bits(), limit, drawn));
+
+    let store = &asked.service.store;
+    let cloud = Arc::new(store.load_cloud(job.cloud_id).await?);
+    let mass = store.mass(job.id).await?;
+    let rows_without_result = crate::harmonics::functions::rows_without_result(&mass);
+    let area: f64 = mass.iter().filter(|mass| !mass.is_nan()).sum();
+    let source = Arc::clone(&cloud);
+    let surroundings =
+        asked.service.compute.run(move || Surroundings::find(&source, &mass, radius)).await??;
+    let surroundings = Arc::new(surroundings);
+    let around = Arc::clone(&surroundings);
+    let first = modes.zero_modes().min(count);
+    let extrema =
+        bases.map_columns(first..count, move |basis| salient::extrema(basis, &around, area)).await?;
+
+    let offer = asked.offer;
+    let answer = Answer { cloud, surroundings, modes, first, count, persistence, limit };
+    let stem = format!("features-{}", job.id);
+    let (job_id, cloud_id) = (job.id, job.cloud_id);
+    let encode = move || {
+        let found = answer.places(&extrema);
+        if offer == PLY {
+            return Ok(salient::as_ply(&found, &answer.cloud));
+        }
+        if offer == PNG {
+            let marks: Vec<usize> = found.iter().map(|feature| feature.index).collect();
+            return view::png(&answer.cloud, &Paint::Plain, &marks, &view, "feature points");
+        }
+        let clusters = answer.modes.clusters().iter().copied().filter(|[first, _]| *first < answer.count);
+        let answer = Features {
+            job_id,
+            cloud_id,
+            points: answer.cloud.len(),
+            rows_without_result,
+            modes: answer.count,
+            radius,
+            clusters: clusters.collect(),
+            features: found,
+        };
+        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
+    };
+    let bytes = asked.service.compute.run(encode).await??;
+    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
+    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+}
+
+/// What the extrema are looked at with.
+struct Answer {
+    cloud: Arc<PointCloud>,
+    surroundings: Arc<Surroundings>,
+    modes: Modes,
+    first: usize,
+    count: usize,
+    persistence: f64,
+    limit: usize,
+}
+
+impl Answer {
+    fn places(&self, extrema: &[Vec<salient::Extremum>]) -> Vec<Feature> {
+        let mut places = salient::features(extrema, self.first, &self.surroundings, self.persistence);
+        places.truncate(self.limit);
+        places.iter().map(|place| place.in_cloud(&self.surroundings, &self.cloud)).collect()
+    }
+}

@@ -1,0 +1,316 @@
+//! Jobs: listing, showing, waiting, canceling, deleting.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde_json::{Map, Value};
+use sha2::{Digest, Sha256};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::analysis::JobKind;
+use crate::http::notation::{now, parse_id, timestamp};
+use crate::http::paging::{PAGE_DEFAULT, PAGING};
+use crate::http::service::Shared;
+use crate::http::wait::{RETRY_SECONDS, WAIT, settled};
+use crate::http::wire::problem::{Problem, ProblemDocument};
+use crate::http::wire::query::{Accepts, Argument, Nothing, arguments};
+use crate::http::wire::{download, owners};
+use crate::progress::Phase;
+use crate::store::{JobRecord, JobState, Page};
+
+/// Share of the work below which no end is foretold.
+const FORESEEABLE_FROM: f64 = 0.02;
+
+const FILTERS: &[Argument] = &[
+    Argument {
+        name: "state",
+        alias: None,
+        accepts: Accepts::Word(&["queued", "running", "succeeded", "failed", "canceled"]),
+        default: "all",
+        meaning: "Only jobs in this state.",
+    },
+    Argument {
+        name: "cloud",
+        alias: Some("cloud_id"),
+        accepts: Accepts::Id,
+        default: "all",
+        meaning: "Only jobs on this cloud.",
+    },
+];
+
+arguments!(
+    /// Query of `GET /jobs`.
+    ListJobs = FILTERS, PAGING
+);
+arguments!(
+    /// Query of `GET /jobs/{id}`.
+    ShowJob = WAIT
+);
+/// A job as the interface shows it.
+#[derive(Debug, Serialize, ToSchema)]
+#[schema(as = Job)]
+pub(crate) struct JobView {
+    /// Its id.
+    id: Uuid,
+    /// The cloud it analyses.
+    cloud_id: Uuid,
+    /// What it computes.
+    kind: JobKind,
+    /// Where it is in its life.
+    state: JobState,
+    /// The phase it is in or ended in; null before its first attempt.
+    phase: Option<Phase>,
+    /// Share of the work that is done, 0 to 1; it never decreases within an attempt. Where the computation reports nothing
+    /// for a second it is extrapolated, never beyond its phase.
+    progress: f64,
+    /// Estimated seconds to the end; null when there is nothing to go by.
+    eta_seconds: Option<f64>,
+    /// Jobs that are queued before it; null unless queued.
+    queue_position: Option<u64>,
+    /// Attempts so far.
+    attempt: u32,
+    /// Parameters as used: those submitted, and once the job has succeeded also those derived from the cloud.
+    #[schema(value_type = Object)]
+    parameters: Map<String, Value>,
+    /// What to know before trusting the result.
+    warnings: Vec<String>,
+    /// Why it failed; null unless failed.
+    error: Option<ProblemDocument>,
+    /// When it was submitted, RFC 3339.
+    #[schema(format = DateTime)]
+    created: String,
+    /// When its last attempt began, RFC 3339.
+    #[schema(format = DateTime)]
+    started: Option<String>,
+    /// When it ended, RFC 3339.
+    #[schema(format = DateTime)]
+    finished: Option<String>,
+    /// Seconds spent in each phase of the last attempt, in order.
+    #[schema(value_type = BTreeMap<String, f64>)]
+    phase_seconds: Map<String, Value>,
+    /// Where its results and its cloud are.
+    links: BTreeMap<&'static str, String>,
+}
+
+impl JobView {
+    /// As of `now`, in milliseconds since the epoch.
+    #[must_use]
+    pub(crate) fn new(job: &JobRecord, now: crate::store::Milliseconds) -> Self {
+        Self {
+            id: job.id,
+            cloud_id: job.cloud_id,
+            kind: job.kind,
+            state: job.state,
+            phase: job.phase,
+            progress: job.progress,
+            eta_seconds: eta_seconds(job, now),
+            queue_position: job.queue_position,
+            attempt: job.attempt,
+            parameters: parameters_as_used(job),
+            warnings: job.report.as_ref().map(|report| report.warnings.clone()).unwrap_or_default(),
+            error: job.failure.as_ref().map(|failure| Problem::from(failure).document(None, None)),
+            created: timestamp(job.created),
+            started: job.started.map(timestamp),
+            finished: job.finished.map(timestamp),
+            phase_seconds: job
+                .phase_seconds
+                .iter()
+                .map(|(phase, s)| (phase.name().to_owned(), Value::from(*s)))
+                .collect(),
+            links: links(job),
+        }
+    }
+}
+
+/// The end foretold from the share that is done, when the last attempt runs.
+fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> {
+    let started =
+        job.started.filter(|_| job.state == JobState::Running && job.progress >= FORESEEABLE_FROM)?;
+    let elapsed = (now - started).max(0) as f64 / 1e3;
+    let seconds = elapsed * (1.0 - job.progress) / job.progress;
+    Some((seconds * 10.0).round() / 10.0)
+}
+
+/// Those submitted, overlaid with those that the analysis derived from the cloud.
+fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
+    let mut used = job.parameters.clone();
+    if let Some(report) = &job.report {
+        used.epsilon = Some(report.sampling.epsilon);
+        used.t = report.heat_kernel.map(|kernel| kernel.t);
+        used.delta = report.heat_kernel.map(|kernel| kernel.delta).or(used.delta);
+        used.isometric_cells = Some(report.additions.isometric_cells);
+        used.truncation_compensation = Some(report.additions.truncation_compensation);
+        used.sheet_aware = Some(report.additions.sheet_aware);
+        used.surface_distances = Some(report.additions.surface_distances);
+        used.moment_calibration = Some(report.additions.moment_calibration);
+        used.heat_correction = Some(report.additions.heat_correction);
+    }
+    match serde_json::to_value(&used) {
+        Ok(Value::Object(used)) => used,
+        _ => Map::new(),
+    }
+}
+
+/// Results of eigen jobs, by the last part of their path.
+pub(crate) const EIGEN_RESULTS: [&str; 7] =
+    ["bases", "spectrum", "coefficients", "filtered", "features", "signatures", "distances"];
+
+fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
+    let path = format!("/jobs/{}", job.id);
+    let mut links = BTreeMap::from([
+        ("cloud", format!("/clouds/{}", job.cloud_id)),
+        ("operator", format!("{path}/operator")),
+        ("events", format!("{path}/events")),
+    ]);
+    if job.kind == JobKind::Eigen {
+        for result in EIGEN_RESULTS {
+            links.insert(result, format!("{path}/{result}"));
+        }
+    }
+    if !job.state.is_terminal() {
+        links.insert("cancel", format!("{path}/cancel"));
+    }
+    links.insert("self", path);
+    links
+}
+
+/// A page of jobs, newest first.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct JobPage {
+    /// The jobs.
+    jobs: Vec<JobView>,
+    /// Pass it as `cursor` for the next page; null on the last.
+    next: Option<Uuid>,
+}
+
+/// Jobs, newest first.
+#[utoipa::path(
+    get,
+    path = "/jobs",
+    operation_id = "list_jobs",
+    tag = "jobs",
+    params(ListJobs),
+    responses(
+        (status = 200, description = "A page.", body = JobPage),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn list(
+    State(service): State<Shared>,
+    uri: Uri,
+    extensions: Extensions,
+) -> Result<Json<JobPage>, Problem> {
+    let arguments = ListJobs::read(&uri)?;
+    let state = arguments.word("state").and_then(|word| serde_json::from_value(word.into()).ok());
+    let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
+    let owner = owners::owner(&extensions);
+    let (cloud, cursor) = (arguments.id("cloud"), arguments.id("cursor"));
+    let Page { items, next } = service.store.jobs(&owner, state, cloud, cursor, limit).await?;
+    let now = now();
+    Ok(Json(JobPage { jobs: items.iter().map(|job| JobView::new(job, now)).collect(), next }))
+}
+
+/// A job: state, progress, parameters as used.
+///
+/// `?wait=N` answers when the job has ended, or after N seconds.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}",
+    operation_id = "show_job",
+    tag = "jobs",
+    params(("id" = Uuid, Path, description = "The job."), ShowJob),
+    responses(
+        (status = 200, description = "The job.", body = JobView, headers(("Retry-After" = u64, description = "Seconds, while the job is not at its end."), ("ETag" = String, description = "Of this very state."))),
+        (status = 304, description = "The client's copy is current."),
+        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn show(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let arguments = ShowJob::read(&uri)?;
+    let wait = Duration::from_secs(arguments.integer("wait").unwrap_or(0));
+    let job = settled(&service, parse_id(&id)?, wait).await?;
+    let body = serde_json::to_vec(&JobView::new(&job, now())).map_err(|error| Problem::internal(&error))?;
+    let etag = format!("\"{}\"", Uuid::from_slice(&Sha256::digest(&body)[..16]).unwrap_or_default().simple());
+    let mut response = if download::is_known(&headers, &etag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        ([(header::CONTENT_TYPE, "application/json")], body).into_response()
+    };
+    if let Ok(etag) = HeaderValue::from_str(&etag) {
+        response.headers_mut().insert(header::ETAG, etag);
+    }
+    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    if !job.state.is_terminal() {
+        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(RETRY_SECONDS));
+    }
+    Ok(response)
+}
+
+/// Asks a job to end without a result.
+///
+/// A queued job ends at once, a running one within a second or so.
+#[utoipa::path(
+    post,
+    path = "/jobs/{id}/cancel",
+    operation_id = "cancel_job",
+    tag = "jobs",
+    params(("id" = Uuid, Path, description = "The job.")),
+    responses(
+        (status = 200, description = "It has ended, canceled or otherwise.", body = JobView),
+        (status = 202, description = "It will end soon.", body = JobView),
+        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn cancel(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<Response, Problem> {
+    Nothing::read(&uri)?;
+    let job = service.store.request_cancel(parse_id(&id)?).await?;
+    let status = if job.state.is_terminal() { StatusCode::OK } else { StatusCode::ACCEPTED };
+    Ok((status, Json(JobView::new(&job, now()))).into_response())
+}
+
+/// Deletes a job with its results.
+///
+/// A job that is not at its end is asked to cancel instead (202); delete it again then.
+#[utoipa::path(
+    delete,
+    path = "/jobs/{id}",
+    operation_id = "delete_job",
+    tag = "jobs",
+    params(("id" = Uuid, Path, description = "The job.")),
+    responses(
+        (status = 204, description = "Deleted."),
+        (status = 202, description = "It was asked to cancel; delete it again once it has ended.", body = JobView),
+        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn delete(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    uri: Uri,
+) -> Result<Response, Problem> {
+    Nothing::read(&uri)?;
+    let id = parse_id(&id)?;
+    if service.store.delete_job(id).await? {
+        return Ok(StatusCode::NO_CONTENT.into_response());
+    }
+    let job = service.store.job(id).await?;
+    Ok((StatusCode::ACCEPTED, Json(JobView::new(&job, now()))).into_response())
+}

@@ -1,0 +1,123 @@
+//! The operator applied to functions: `Δf = B⁻¹Q f`.
+
+use std::collections::BTreeMap;
+
+use axum::extract::Request;
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::cloud::ScalarType;
+use crate::cloud::writer::{Column, encode_rows, npy_header};
+use crate::harmonics::Function;
+use crate::harmonics::functions::{represent, representatives};
+use crate::http::results::asked::{self, Asked, ResultProblems};
+use crate::http::results::functions::{self, NumberLists};
+use crate::http::wire::accept::{JSON, NPY, Offer};
+use crate::http::wire::download::{self, Download};
+use crate::http::wire::problem::{Problem, ProblemDocument};
+use crate::http::wire::query::{Argument, resource};
+
+/// What Δf can be had as.
+pub(crate) const OFFERS: [Offer; 2] = [JSON, NPY];
+
+const ARGUMENTS: &[Argument] = &[asked::format(
+    &["json", "npy"],
+    "by Accept, else json",
+    "Format of the answer: `npy` is an array of points × functions.",
+)];
+
+resource!(
+    /// Query of `POST /jobs/{id}/laplacian`.
+    ApplyLaplacian: OFFERS, ARGUMENTS
+);
+
+/// Laplacians of functions.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct Laplacians {
+    /// The job.
+    job_id: Uuid,
+    /// The cloud it analysed.
+    cloud_id: Uuid,
+    /// Rows of the upload.
+    points: usize,
+    /// Δf of every function by its name, one value per row in the function's unit over length²; null without a result.
+    fields: BTreeMap<String, Vec<Option<f64>>>,
+    /// What to know before trusting the operator.
+    warnings: Vec<String>,
+}
+
+/// Δf for posted functions, by the operator of a job of `kind=operator`.
+///
+/// The body is that of `POST /jobs/{id}/coefficients`. Of rows at the same position the first one's value counts.
+#[utoipa::path(
+    post,
+    path = "/jobs/{id}/laplacian",
+    tag = "results",
+    params(("id" = Uuid, Path, description = "The job."), ApplyLaplacian),
+    request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The functions."),
+    responses(
+        (status = 200, description = "The Laplacians.", content((Laplacians = "application/json"), (Vec<u8> = "application/x-npy"))),
+        (status = 400, description = "The body holds no numbers.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn laplacian(
+    mut asked: Asked<ApplyLaplacian>,
+    request: Request,
+) -> Result<Response, Problem> {
+    let job = asked.job().await?;
+    asked::check_kept(&job)?;
+    let store = &asked.service.store;
+    let (mass, matrix) = (store.mass(job.id).await?, store.operator_matrix(job.id).await?);
+    let given = functions::receive(&asked.service, request).await?;
+    functions::check_length(&given, mass.len())?;
+    functions::check_finite(&given, &mass)?;
+    asked.refuse_large_json((given.len() * mass.len()) as u64)?;
+    // rows without mass of their own repeat an earlier one
+    let cloud = if mass.contains(&0.0) { Some(store.load_cloud(job.cloud_id).await?) } else { None };
+    asked.forget_conditions();
+    let computed = asked.service.compute.run(move || {
+        let first = cloud.as_ref().and_then(|cloud| representatives(cloud, &mass));
+        let apply = |function: &Function| {
+            let mut values = matrix.laplacian_of(&mass, &function.values);
+            if let Some(first) = &first {
+                represent(&mut values, first);
+            }
+            values
+        };
+        let found: Vec<Vec<f64>> = given.iter().map(apply).collect();
+        (given, found)
+    });
+    let (given, found) = computed.await?;
+    let bytes = if asked.offer == NPY {
+        let columns: Vec<_> =
+            found.iter().map(|values| Column { values, stride: 1, kind: ScalarType::Float64 }).collect();
+        let mut bytes = npy_header(found[0].len(), found.len(), ScalarType::Float64);
+        bytes.extend(encode_rows(&columns, found[0].len()));
+        bytes
+    } else {
+        let finite = |values: &Vec<f64>| values.iter().map(|&x| Some(x).filter(|x| x.is_finite())).collect();
+        let answer = Laplacians {
+            job_id: job.id,
+            cloud_id: job.cloud_id,
+            points: found[0].len(),
+            fields: given
+                .iter()
+                .map(|function| function.name.clone())
+                .zip(found.iter().map(finite))
+                .collect(),
+            warnings: job.report.as_ref().map(|report| report.warnings.clone()).unwrap_or_default(),
+        };
+        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))?
+    };
+    let download = Download {
+        offer: asked.offer,
+        tag: job.id.simple().to_string(),
+        stem: format!("laplacian-{}", job.id),
+        length: Some(bytes.len() as u64),
+    };
+    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+}

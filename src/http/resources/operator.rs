@@ -1,0 +1,116 @@
+//! The operator of a job: its description, and the matrices Q and B of `L = B⁻¹Q`.
+
+use axum::Json;
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+use serde_json::{Map, Value};
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::analysis::{JobKind, Report, SparseMatrix};
+use crate::http::results::asked::{self, Asked, ResultProblems};
+use crate::http::results::matrix;
+use crate::http::wire::accept::{JSON, MTX, NPZ, Offer};
+use crate::http::wire::download::{self, Download};
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::query::{Accepts, Argument, resource};
+use crate::store::JobRecord;
+
+/// What it can be had as.
+pub(crate) const OFFERS: [Offer; 3] = [JSON, MTX, NPZ];
+
+const ARGUMENTS: &[Argument] = &[
+    asked::format(
+        &["json", "mtx", "npz"],
+        "by Accept, else json",
+        "Format of the answer: `json` describes the operator, `mtx` (Matrix Market) and `npz` (scipy.sparse.load_npz) are a matrix.",
+    ),
+    Argument {
+        name: "matrix",
+        alias: None,
+        accepts: Accepts::Word(&["q", "b"]),
+        default: "q",
+        meaning: "Which matrix of `L = B⁻¹Q`: `Q` (for most operators symmetric, zero row sums, negative semi-definite; the stiffness is −Q) or `B` (the diagonal mass).",
+    },
+];
+
+resource!(
+    /// Query of `GET /jobs/{id}/operator`.
+    ReadOperator: OFFERS, ARGUMENTS
+);
+
+/// The operator's description, and whose it is.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct OperatorView {
+    /// The job.
+    job_id: Uuid,
+    /// The cloud it analysed.
+    cloud_id: Uuid,
+    /// What the job computed.
+    kind: JobKind,
+    /// What the analysis found out, the spectrum left out.
+    #[serde(flatten)]
+    #[schema(value_type = Report)]
+    report: Map<String, Value>,
+}
+
+/// The operator: its description as JSON, or a matrix of it.
+///
+/// Rows and columns are the rows of the upload. Every job keeps B; Q is kept by jobs of `kind=operator`.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/operator",
+    tag = "results",
+    params(("id" = Uuid, Path, description = "The job."), ReadOperator),
+    responses(
+        (status = 200, description = "The description or the matrix.", content((OperatorView = "application/json"), (String = "text/x-matrix-market"), (Vec<u8> = "application/x-npz"))),
+        (status = 304, description = "The client's copy is current."),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn operator(asked: Asked<ReadOperator>) -> Result<Response, Problem> {
+    let job = asked.job().await?;
+    let (service, offer) = (&asked.service, asked.offer);
+    if offer == JSON {
+        return Ok(Json(describe(&job)?).into_response());
+    }
+    let name = if asked.arguments.word("matrix") == Some("b") { 'B' } else { 'Q' };
+    if name == 'Q' {
+        asked::check_kept(&job)?;
+    }
+    let matrix = match name {
+        'B' => diagonal(&service.store.mass(job.id).await?),
+        _ => service.store.operator_matrix(job.id).await?,
+    };
+    let encode = if offer == MTX { matrix::matrix_market } else { matrix::scipy_archive };
+    let bytes = service.compute.run(move || encode(&matrix)).await??;
+    let download = Download {
+        offer,
+        tag: format!("{}-{name}", job.id.simple()),
+        stem: format!("{name}-{}", job.id),
+        length: Some(bytes.len() as u64),
+    };
+    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+}
+
+fn describe(job: &JobRecord) -> Result<OperatorView, Problem> {
+    let report = serde_json::to_value(&job.report).map_err(|error| Problem::internal(&error))?;
+    let Value::Object(mut report) = report else {
+        return Err(Problem::internal(&format!("job {} succeeded without a report", job.id)));
+    };
+    report.remove("spectrum");
+    Ok(OperatorView { job_id: job.id, cloud_id: job.cloud_id, kind: job.kind, report })
+}
+
+/// The diagonal matrix of the masses; rows without one (duplicates, rows without a result) are empty.
+fn diagonal(mass: &[f64]) -> SparseMatrix {
+    let mut matrix = SparseMatrix { offsets: vec![0], columns: Vec::new(), values: Vec::new() };
+    for (row, &value) in mass.iter().enumerate() {
+        if value.is_finite() && value != 0.0 {
+            matrix.columns.push(row as u32);
+            matrix.values.push(value);
+        }
+        matrix.offsets.push(matrix.values.len() as u64);
+    }
+    matrix
+}

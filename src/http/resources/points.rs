@@ -1,0 +1,153 @@
+//! A cloud's points, given back as PLY, NPY or JSON.
+
+use std::sync::Arc;
+
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, Method, Uri};
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use crate::cloud::writer::{
+    PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header, ply_columns, ply_properties,
+};
+use crate::cloud::{PointCloud, ScalarType};
+use crate::http::notation::parse_id;
+use crate::http::results::rows::{npy_layout, ply_layout};
+use crate::http::results::view::{self, VIEW};
+use crate::http::results::{asked, cloud_file};
+use crate::http::service::Shared;
+use crate::http::wire::accept::{self, CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
+use crate::http::wire::download::{self, Download};
+use crate::http::wire::problem::{Problem, ProblemDocument};
+use crate::http::wire::query::{Accepts, Argument, arguments};
+use crate::picture::Paint;
+use crate::store::CHUNK_POINTS;
+
+/// What they can be had as.
+pub(crate) const OFFERS: [Offer; 9] = [PLY, NPY, JSON, NPZ, CSV, XYZ, LAS, LAZ, PNG];
+
+/// Encoding of PLY.
+pub(crate) const ENCODING: Argument = Argument {
+    name: "encoding",
+    alias: None,
+    accepts: Accepts::Word(&["binary", "ascii"]),
+    default: "binary",
+    meaning: "Encoding of ply.",
+};
+
+pub(crate) const ARGUMENTS: &[Argument] = &[
+    asked::format(
+        &["ply", "npy", "json", "npz", "csv", "xyz", "las", "laz", "png"],
+        "by Accept, else ply",
+        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las` and `laz` have the coordinates and all fields of the upload, `npy` and `json` the coordinates; `png` is a picture.",
+    ),
+    ENCODING,
+];
+
+arguments!(
+    /// Query of `GET /clouds/{id}/points`.
+    ReadPoints = ARGUMENTS, VIEW
+);
+
+/// Points as JSON.
+#[derive(Debug, Serialize, ToSchema)]
+#[allow(clippy::struct_field_names)] // the field is the number of points
+pub(crate) struct Points {
+    /// Rows of the upload.
+    points: usize,
+    /// Coordinates per point.
+    dimension: usize,
+    /// The coordinates of every point; null where they are not finite.
+    #[schema(value_type = Vec<Vec<Option<f64>>>)]
+    coordinates: Vec<Vec<f64>>,
+}
+
+/// The cloud's points, row for row as uploaded.
+#[utoipa::path(
+    get,
+    path = "/clouds/{id}/points",
+    tag = "clouds",
+    params(("id" = Uuid, Path, description = "The cloud."), ReadPoints),
+    responses(
+        (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"), (Vec<u8> = "application/x-npz"), (String = "text/csv"), (String = "text/x-xyz"), (Vec<u8> = "application/vnd.las"), (Vec<u8> = "application/vnd.laszip"), (Vec<u8> = "image/png"))),
+        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
+        (status = 304, description = "The client's copy is current."),
+        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 503, description = "The service makes as many answers as it has memory for.", body = ProblemDocument, content_type = "application/problem+json"),
+    )
+)]
+pub(crate) async fn points(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    method: Method,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let arguments = ReadPoints::read(&uri)?;
+    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
+    let id = parse_id(&id)?;
+    let is_streamed = offer == NPY || (offer == PLY && arguments.word("encoding") != Some("ascii"));
+    // Whole files stand beside the cloud, and text is twice as long.
+    let times = if is_streamed { 1 } else { 3 };
+    let share = service.answer_memory.share(times * service.store.cloud(id).await?.bytes()).await?;
+    let cloud = Arc::new(service.store.load_cloud(id).await?);
+    let mut download =
+        Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
+    let encoding = match arguments.word("encoding") {
+        Some("ascii") => PlyEncoding::Ascii,
+        _ => PlyEncoding::BinaryLittleEndian,
+    };
+    if !is_streamed {
+        let view = view::read(&arguments);
+        download.tag = asked::tag(id, &(encoding == PlyEncoding::Ascii, view::key(&view)));
+        let encode = move || match offer {
+            JSON => json(&cloud),
+            PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}")),
+            _ => cloud_file::encode(&cloud, offer, encoding, &[]),
+        };
+        let bytes = service.compute.run(encode).await??;
+        download.length = Some(bytes.len() as u64);
+        let answer = download.answer(&method, &headers, |span| download::part(bytes, span))?;
+        return Ok(share.until_sent(answer));
+    }
+    let layout = if offer == NPY {
+        npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)
+    } else {
+        let shown = Arc::clone(&cloud);
+        service.compute.run(move || ply_layout(&shown, ply_properties(&shown))).await?
+    };
+    download.length = Some(layout.length());
+    let compute = service.compute.clone();
+    let answer = download.answer(&method, &headers, move |span| {
+        layout.stream(span, move |chunk| {
+            let (compute, cloud) = (compute.clone(), Arc::clone(&cloud));
+            async move { Ok(compute.run(move || encode(&cloud, offer, chunk)).await?) }
+        })
+    })?;
+    Ok(share.until_sent(answer))
+}
+
+fn json(cloud: &PointCloud) -> Result<Vec<u8>, Problem> {
+    let coordinates = cloud.coordinates().chunks(cloud.dimension()).map(<[f64]>::to_vec).collect();
+    let points = Points { points: cloud.len(), dimension: cloud.dimension(), coordinates };
+    serde_json::to_vec(&points).map_err(|error| Problem::internal(&error))
+}
+
+/// The bytes of a chunk of rows, with all fields in PLY.
+fn encode(cloud: &PointCloud, offer: Offer, chunk: usize) -> Vec<u8> {
+    let first = chunk * CHUNK_POINTS;
+    let rows = CHUNK_POINTS.min(cloud.len() - first);
+    if offer == PLY {
+        return encode_rows(&ply_columns(cloud, first), rows);
+    }
+    let mut columns = ply_columns(cloud, first);
+    columns.truncate(cloud.dimension());
+    for column in &mut columns {
+        column.kind = ScalarType::Float64;
+    }
+    encode_rows(&columns, rows)
+}

@@ -1,0 +1,136 @@
+//! The spectrum of a job: eigenvalues and what tells how far to trust them.
+
+use std::fmt::Write as _;
+
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+use uuid::Uuid;
+
+use crate::analysis::Report;
+use crate::harmonics::invariants::{self, Invariants};
+use crate::harmonics::{Modes, heat_trace};
+use crate::http::results::asked::{self, Asked, ResultProblems};
+use crate::http::wire::accept::{CSV, JSON, Offer, SVG};
+use crate::http::wire::download::{self, Download};
+use crate::http::wire::problem::Problem;
+use crate::http::wire::query::{Argument, resource};
+use crate::picture;
+use crate::spectrum::Spectrum;
+use crate::store::JobRecord;
+
+/// What it can be had as.
+pub(crate) const OFFERS: [Offer; 3] = [JSON, CSV, SVG];
+
+const ARGUMENTS: &[Argument] = &[asked::format(
+    &["json", "csv", "svg"],
+    "by Accept, else json",
+    "Format of the answer; `svg` is a plot.",
+)];
+
+resource!(
+    /// Query of `GET /jobs/{id}/spectrum`.
+    ReadSpectrum: OFFERS, ARGUMENTS
+);
+
+/// A spectrum, and whose it is.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct SpectrumView {
+    /// The job.
+    job_id: Uuid,
+    /// The cloud it analysed.
+    cloud_id: Uuid,
+    /// Area of the surface, measured in two ways.
+    area: AreaView,
+    /// What the spectrum says of the whole surface; null for curves, volumes and combinatorial operators.
+    invariants: Option<Invariants>,
+    /// The spectrum.
+    #[serde(flatten)]
+    spectrum: Spectrum,
+}
+
+/// Areas in the cloud's unit of length, squared.
+#[derive(Debug, Serialize, ToSchema)]
+pub(crate) struct AreaView {
+    /// Sum of the Voronoi cells.
+    cells: Option<f64>,
+    /// From the heat trace of the eigenvalues of a surface; null for fewer than 10 of them.
+    heat_trace: Option<f64>,
+    /// Of the heat trace's value: its distance to a fit with another number of terms.
+    uncertainty: Option<f64>,
+}
+
+impl AreaView {
+    fn new(report: Option<&Report>, spectrum: &Spectrum) -> Self {
+        // values from the first absent one on say nothing
+        let known: Vec<f64> = spectrum.eigenvalues.iter().map_while(|&lambda| lambda).collect();
+        let estimate = surface(report).and_then(|report| heat_trace::area(&known, report.sampling.is_open()));
+        Self {
+            cells: report.map(|report| report.sampling.area),
+            heat_trace: estimate.map(|estimate| estimate.area),
+            uncertainty: estimate.map(|estimate| estimate.uncertainty),
+        }
+    }
+}
+
+/// The report of an analysis whose eigenvalues are those of a surface.
+fn surface(report: Option<&Report>) -> Option<&Report> {
+    report.filter(|report| report.dimension == 2 && !report.operator.is_combinatorial())
+}
+
+/// Eigenvalues, residuals, clusters and certificates.
+#[utoipa::path(
+    get,
+    path = "/jobs/{id}/spectrum",
+    tag = "results",
+    params(("id" = Uuid, Path, description = "The job."), ReadSpectrum),
+    responses(
+        (status = 200, description = "The spectrum; as CSV one row per eigenvalue; as SVG a plot of the eigenvalues by their number.", content((SpectrumView = "application/json"), (String = "text/csv"), (String = "image/svg+xml")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 304, description = "The client's copy is current."),
+        ResultProblems,
+    )
+)]
+pub(crate) async fn spectrum(asked: Asked<ReadSpectrum>) -> Result<Response, Problem> {
+    let (job, spectrum) = asked.eigen().await?;
+    let (offer, tag) = (asked.offer, asked::tag(job.id, &"spectrum"));
+    let stem = format!("spectrum-{}", job.id);
+    let bytes = match offer {
+        CSV => csv(&spectrum).into_bytes(),
+        SVG => svg(job.report.as_ref(), &spectrum).into_bytes(),
+        _ => json(&job, spectrum)?,
+    };
+    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
+    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+}
+
+fn json(job: &JobRecord, spectrum: Spectrum) -> Result<Vec<u8>, Problem> {
+    let area = AreaView::new(job.report.as_ref(), &spectrum);
+    let measured =
+        job.report.as_ref().map(|report| invariants::measure(&Modes::of(&spectrum), &report.sampling));
+    let view = SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, invariants: measured, spectrum };
+    serde_json::to_vec(&view).map_err(|error| Problem::internal(&error))
+}
+
+fn svg(report: Option<&Report>, spectrum: &Spectrum) -> String {
+    let title = report.map_or_else(String::new, |report| {
+        format!("{} eigenvalues, operator {}", spectrum.eigenvalues.len(), report.operator.name())
+    });
+    picture::plot_spectrum(&picture::Spectrum {
+        eigenvalues: &spectrum.eigenvalues,
+        clusters: &spectrum.clusters,
+        area: surface(report).map(|report| report.sampling.area),
+        title: &title,
+    })
+}
+
+fn csv(spectrum: &Spectrum) -> String {
+    let mut text = String::from("index,eigenvalue,raw_eigenvalue,residual,frequency\n");
+    let rows = spectrum.eigenvalues.iter().zip(&spectrum.raw_eigenvalues).zip(&spectrum.residuals);
+    for (index, ((eigenvalue, raw), residual)) in rows.enumerate() {
+        let eigenvalue = eigenvalue.unwrap_or(f64::NAN);
+        let frequency = if eigenvalue < 0.0 { 0.0 } else { eigenvalue.sqrt() };
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{index},{eigenvalue:?},{raw:?},{residual:?},{frequency:?}");
+    }
+    text
+}

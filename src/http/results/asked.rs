@@ -1,0 +1,270 @@
+//! What every request for a job's result has in common: arguments, the format to answer in, and a job that has finished.
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+
+use axum::extract::{FromRequestParts, Path};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, Method, Uri};
+use utoipa::IntoResponses;
+use utoipa::openapi::response::ResponseBuilder;
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, Schema};
+use uuid::Uuid;
+
+use crate::harmonics::Modes;
+use crate::http::service::Shared;
+use crate::http::wait;
+use crate::http::wire::accept::{self, JSON, NPY, Offer, PLY};
+use crate::http::wire::answer_memory::Share;
+use crate::http::wire::problem::{self, Kind, Problem};
+use crate::http::wire::query::{Accepts, Argument, Arguments};
+use crate::jobs::StoredBases;
+use crate::spectrum::Spectrum;
+use crate::store::JobRecord;
+
+/// Answers as JSON, at most: text is three times the size of the numbers, and slow to read.
+pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
+/// Bytes of a number as JSON text, comma included: 17 digits, sign, point, and often an exponent.
+const JSON_NUMBER_BYTES: u64 = 22;
+
+/// The argument that chooses the format of an answer.
+pub(crate) const fn format(
+    words: &'static [&'static str],
+    default: &'static str,
+    meaning: &'static str,
+) -> Argument {
+    Argument { name: "format", alias: None, accepts: Accepts::Word(words), default, meaning }
+}
+
+/// A result of jobs: what it can be had as, and what may be asked of it.
+pub(crate) trait Resource: Send + 'static {
+    /// Formats, the default first.
+    const OFFERS: &'static [Offer];
+
+    /// Reads the query.
+    ///
+    /// # Errors
+    /// A problem that names the argument and what would be accepted.
+    fn arguments(uri: &Uri) -> Result<Arguments, Problem>;
+}
+
+/// A request for the result R of a job, parsed.
+pub(crate) struct Asked<R> {
+    /// What the handlers work with.
+    pub service: Shared,
+    /// The job as named in the path.
+    pub id: String,
+    /// How to answer.
+    pub offer: Offer,
+    /// The query.
+    pub arguments: Arguments,
+    /// GET, HEAD or POST.
+    pub method: Method,
+    /// The request's headers.
+    pub headers: HeaderMap,
+    resource: PhantomData<fn() -> R>,
+}
+
+impl<R: Resource> FromRequestParts<Shared> for Asked<R> {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, service: &Shared) -> Result<Self, Problem> {
+        let arguments = R::arguments(&parts.uri)?;
+        let offer = accept::choose(arguments.word("format"), &parts.headers, R::OFFERS)?;
+        let path = Path::<String>::from_request_parts(parts, service).await;
+        let Path(id) = path.map_err(|rejection| Problem::new(Kind::NotFound, rejection.body_text()))?;
+        let (method, headers) = (parts.method.clone(), parts.headers.clone());
+        let service = service.clone();
+        Ok(Self { service, id, offer, arguments, method, headers, resource: PhantomData })
+    }
+}
+
+impl<R: Resource> Asked<R> {
+    /// The same under a file name with the ending `ending`; `None` when it is not offered in that format.
+    ///
+    /// # Errors
+    /// A problem with the query.
+    pub(crate) fn as_file(
+        service: &Shared,
+        id: &str,
+        ending: &str,
+        (method, uri, headers): (&Method, &Uri, &HeaderMap),
+    ) -> Result<Option<Self>, Problem> {
+        let Some(offer) = R::OFFERS.iter().find(|offer| offer.name == ending).copied() else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            service: service.clone(),
+            id: id.to_owned(),
+            offer,
+            arguments: R::arguments(uri)?,
+            method: method.clone(),
+            headers: headers.clone(),
+            resource: PhantomData,
+        }))
+    }
+
+    /// The job, once it has succeeded.
+    ///
+    /// # Errors
+    /// A problem that tells the state of a job without a result.
+    pub(crate) async fn job(&self) -> Result<JobRecord, Problem> {
+        wait::finished(&self.service, &self.id, wait::wait(&self.arguments)).await
+    }
+
+    /// The job and its spectrum, once it has succeeded.
+    ///
+    /// # Errors
+    /// As [`Self::job`], and for jobs that built the operator only.
+    pub(crate) async fn eigen(&self) -> Result<(JobRecord, Spectrum), Problem> {
+        of_eigen(self.job().await?)
+    }
+
+    /// The job, its modes and its stored bases, once it has succeeded.
+    ///
+    /// # Errors
+    /// As [`Self::eigen`].
+    pub(crate) async fn harmonics(&self) -> Result<Harmonics, Problem> {
+        let (job, spectrum) = self.eigen().await?;
+        let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
+        let bases = StoredBases::new(store, compute, &job, spectrum.eigenvalues.len());
+        // The cloud, the functions on it, and what becomes of them.
+        let cloud = self.service.store.cloud(job.cloud_id).await?.bytes();
+        let share = self.service.answer_memory.share(bases.bytes_at_work() + 3 * cloud).await?;
+        Ok(Harmonics { modes: Modes::of(&spectrum), job, bases, share })
+    }
+
+    /// Answers to POST are neither conditional nor had in parts.
+    pub(crate) fn forget_conditions(&mut self) {
+        use axum::http::header::{IF_NONE_MATCH, RANGE};
+        for name in [IF_NONE_MATCH, RANGE] {
+            self.headers.remove(name);
+        }
+    }
+
+    /// Refuses an answer of `numbers` numbers in JSON when that is too much text.
+    ///
+    /// # Errors
+    /// A problem that names another format, if there is one.
+    pub(crate) fn refuse_large_json(&self, numbers: u64) -> Result<(), Problem> {
+        let bytes = numbers.saturating_mul(JSON_NUMBER_BYTES);
+        if self.offer != JSON || bytes <= JSON_BYTES_MAX {
+            return Ok(());
+        }
+        let others: Vec<_> =
+            R::OFFERS.iter().filter(|offer| [NPY, PLY].contains(offer)).map(|offer| offer.name).collect();
+        Err(Problem::new(
+            Kind::NotAcceptable,
+            format!(
+                "as JSON this would be about {} MB, over the limit of {} MB; ask for less, or for {}",
+                bytes >> 20,
+                JSON_BYTES_MAX >> 20,
+                R::OFFERS
+                    .iter()
+                    .filter(|offer| others.contains(&offer.name))
+                    .map(|offer| format!("{0} (?format={0} or Accept: {1})", offer.name, offer.media_type()))
+                    .collect::<Vec<_>>()
+                    .join(" or ")
+            ),
+        )
+        .with("accepted", others))
+    }
+}
+
+/// An eigenbasis in the store.
+pub(crate) struct Harmonics {
+    /// The job that computed it, its spectrum taken out.
+    pub job: JobRecord,
+    /// Eigenvalues.
+    pub modes: Modes,
+    /// Bases.
+    pub bases: StoredBases,
+    /// Held while the answer is made.
+    pub share: Share,
+}
+
+/// The spectrum of a job that has succeeded, taken out of it.
+///
+/// # Errors
+/// A problem for jobs that built the operator only.
+pub(crate) fn of_eigen(mut job: JobRecord) -> Result<(JobRecord, Spectrum), Problem> {
+    let spectrum = job.report.as_mut().and_then(|report| report.spectrum.take());
+    match spectrum {
+        Some(spectrum) => Ok((job, spectrum)),
+        None => Err(Problem::new(
+            Kind::NoSuchResult,
+            format!(
+                "job {} built the operator only; submit {{\"kind\": \"eigen\"}} to /clouds/{}/jobs for bases and spectrum",
+                job.id, job.cloud_id
+            ),
+        )
+        .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) }))),
+    }
+}
+
+/// Refuses jobs that did not keep Q.
+///
+/// # Errors
+/// A problem that says what to submit.
+pub(crate) fn check_kept(job: &JobRecord) -> Result<(), Problem> {
+    if job.kind == JobKind::Operator {
+        return Ok(());
+    }
+    Err(Problem::new(
+        Kind::NoSuchResult,
+        format!(
+            "job {} keeps its bases and B, not Q; submit {{\"kind\": \"operator\"}} with the same parameters to /clouds/{}/jobs",
+            job.id, job.cloud_id
+        ),
+    )
+    .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) })))
+}
+
+/// Problems that every request for a job's result may meet, for the OpenAPI document.
+pub(crate) struct ResultProblems;
+
+impl IntoResponses for ResultProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let problem = |(status, description): (&str, &str)| {
+            let schema = RefOr::<Schema>::Ref(Ref::from_schema_name("Problem"));
+            let content = ContentBuilder::new().schema(Some(schema)).build();
+            let response =
+                ResponseBuilder::new().description(description).content(problem::MEDIA_TYPE, content);
+            (status.to_owned(), RefOr::T(response.build()))
+        };
+        let problems = [
+            ("404", "No such job."),
+            ("406", "None of the formats is acceptable, or JSON would be too large."),
+            ("409", "The job has no such result, or not yet."),
+            ("422", "A parameter is not accepted."),
+            ("503", "The service makes as many answers as it has memory for."),
+        ];
+        problems.into_iter().map(problem).collect()
+    }
+}
+
+/// A tag that names an answer by what determines it.
+pub(crate) fn tag(job: Uuid, parts: &impl serde::Serialize) -> String {
+    use sha2::{Digest, Sha256};
+    let text = serde_json::to_vec(parts).unwrap_or_default();
+    let digest = Sha256::digest(&text);
+    format!("{}-{}", job.simple(), Uuid::from_slice(&digest[..16]).unwrap_or_default().simple())
+}
+
+/// Declares a result of jobs: the type that documents its query, and what it can be had as.
+macro_rules! resource {
+    ($(#[$meta:meta])* $name:ident: $offers:expr, $($table:expr),+ $(,)?) => {
+        $crate::http::wire::query::arguments!($(#[$meta])* $name = $($table,)+ $crate::http::wait::WAIT);
+
+        impl $crate::http::results::asked::Resource for $name {
+            const OFFERS: &'static [$crate::http::wire::accept::Offer] = &$offers;
+
+            fn arguments(
+                uri: &axum::http::Uri,
+            ) -> Result<$crate::http::wire::query::Arguments, $crate::http::wire::problem::Problem> {
+                Self::read(uri)
+            }
+        }
+    };
+}
+pub(crate) use resource;

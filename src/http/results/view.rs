@@ -1,0 +1,102 @@
+//! From where a picture is looked at, as arguments.
+
+use crate::cloud::PointCloud;
+use crate::http::wire::problem::Problem;
+use crate::http::wire::query::{Accepts, Argument, Arguments};
+use crate::picture::{Background, Paint, Picture, Up, View};
+
+/// Most pixels along either side.
+const SIDE_MAX: u64 = 2048;
+
+/// The arguments that every picture takes.
+pub(crate) const VIEW: &[Argument] = &[
+    Argument {
+        name: "azimuth",
+        alias: None,
+        accepts: Accepts::Range(-360.0, 360.0),
+        default: "-60",
+        meaning: "Of pictures (png): degrees about the axis that points up, as in Matplotlib.",
+    },
+    Argument {
+        name: "elevation",
+        alias: None,
+        accepts: Accepts::Range(-90.0, 90.0),
+        default: "20",
+        meaning: "Of pictures: degrees above the plane of the other two axes.",
+    },
+    Argument {
+        name: "up",
+        alias: None,
+        accepts: Accepts::Word(&Up::NAMES),
+        default: "z",
+        meaning: "Of pictures: the axis that points up.",
+    },
+    Argument {
+        name: "width",
+        alias: None,
+        accepts: Accepts::Integer(1, SIDE_MAX),
+        default: "800",
+        meaning: "Of pictures: pixels of a row.",
+    },
+    Argument {
+        name: "height",
+        alias: None,
+        accepts: Accepts::Integer(1, SIDE_MAX),
+        default: "600",
+        meaning: "Of pictures: rows of pixels.",
+    },
+    Argument {
+        name: "background",
+        alias: None,
+        accepts: Accepts::Word(&Background::NAMES),
+        default: "white",
+        meaning: "Of pictures: what is behind the points.",
+    },
+];
+
+/// The view that the arguments of [`VIEW`] describe.
+pub(crate) fn read(arguments: &Arguments) -> View {
+    let default = View::default();
+    View {
+        azimuth: arguments.number("azimuth").unwrap_or(default.azimuth),
+        elevation: arguments.number("elevation").unwrap_or(default.elevation),
+        up: arguments.word("up").and_then(Up::from_name).unwrap_or(default.up),
+        width: arguments.integer("width").map_or(default.width, |pixels| pixels as usize),
+        height: arguments.integer("height").map_or(default.height, |pixels| pixels as usize),
+        background: arguments
+            .word("background")
+            .and_then(Background::from_name)
+            .unwrap_or(default.background),
+    }
+}
+
+/// Everything that decides what a picture looks like, for its tag.
+pub(crate) fn key(view: &View) -> String {
+    format!("{view:?}")
+}
+
+/// Draws a picture as a PNG file.
+///
+/// # Errors
+/// A problem of ours when it cannot be written.
+pub(crate) fn png(
+    cloud: &PointCloud,
+    paint: &Paint<'_>,
+    marks: &[usize],
+    view: &View,
+    title: &str,
+) -> Result<Vec<u8>, Problem> {
+    Picture::draw(cloud, paint, marks, view).to_png(title).map_err(|error| Problem::internal(&error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stated_defaults_are_the_defaults() {
+        let query = VIEW.iter().map(|argument| format!("{}={}", argument.name, argument.default));
+        let uri = format!("/x?{}", query.collect::<Vec<_>>().join("&")).parse().unwrap();
+        assert_eq!(read(&Arguments::from_query(&uri, &[VIEW]).unwrap()), View::default());
+    }
+}

@@ -1,0 +1,104 @@
+//! The state that all handlers share, and its limits.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::http::HeaderValue;
+use tokio_util::sync::CancellationToken;
+
+use super::wire::answer_memory::AnswerMemory;
+use super::wire::body_memory::BodyMemory;
+use super::wire::keys::Keys;
+use crate::cloud::reader;
+use crate::jobs::{Compute, Jobs};
+use crate::metrics::Metrics;
+use crate::store::Store;
+
+/// What the interface accepts at most.
+#[derive(Debug, Clone)]
+pub struct Limits {
+    /// Bytes of a request's body as it is sent.
+    pub body_bytes: u64,
+    /// Bytes of a compressed body once it is decompressed.
+    pub decoded_bytes: u64,
+    /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
+    pub decoded_ratio_max: u64,
+    /// Time for a request's body.
+    pub body_time: Duration,
+    /// Pause in a body, or in the taking of an answer, after which the client is given up.
+    pub stall: Duration,
+    /// Time for a request's head.
+    pub header_time: Duration,
+    /// Connections that are open.
+    pub connections_max: usize,
+    /// Bytes of memory for bodies and what they are parsed into; half as many again for large answers.
+    pub body_memory: u64,
+    /// Bytes of memory that the analyses running at one time may be estimated to take.
+    pub memory_budget: u64,
+    /// Bytes that stay free on the disk.
+    pub disk_floor: u64,
+    /// Jobs that run.
+    pub jobs_at_once: usize,
+    /// Days that jobs are kept after their end.
+    pub keep_jobs_days: Option<u64>,
+    /// Days that clouds without jobs are kept.
+    pub keep_clouds_days: Option<u64>,
+    /// Bases of a job.
+    pub bases_max: usize,
+    /// Jobs that wait.
+    pub queue_max: u64,
+    /// What is read from a file.
+    pub reader: reader::Limits,
+}
+
+/// What the handlers work with.
+pub struct Service {
+    /// The database.
+    pub(super) store: Store,
+    /// Threads that parse and encode, apart from those that analyse.
+    pub(super) compute: Compute,
+    /// The workers, to be woken when a job was queued.
+    pub(super) jobs: Arc<Jobs>,
+    /// Limits.
+    pub(super) limits: Limits,
+    /// What bodies share.
+    pub(super) body_memory: BodyMemory,
+    /// What large answers share.
+    pub(super) answer_memory: AnswerMemory,
+    /// Origins of pages that may use the service from browsers; `*` is any.
+    pub(super) origins: Vec<HeaderValue>,
+    /// Accepted keys; `None` when none is asked for.
+    pub(super) keys: Option<Keys>,
+    /// Canceled when the service stops: waiting requests then answer at once.
+    pub(super) stopping: CancellationToken,
+    /// What is counted.
+    pub(super) metrics: Arc<Metrics>,
+}
+
+impl Service {
+    /// What the handlers work with.
+    #[must_use]
+    pub fn new(
+        store: Store,
+        compute: Compute,
+        jobs: Arc<Jobs>,
+        limits: Limits,
+        keys: Option<Keys>,
+        metrics: Arc<Metrics>,
+        stopping: CancellationToken,
+    ) -> Self {
+        let body_memory = BodyMemory::new(limits.body_memory, limits.stall);
+        let answer_memory = AnswerMemory::new(limits.body_memory / 2, limits.stall);
+        let origins = Vec::new();
+        Self { store, compute, jobs, limits, body_memory, answer_memory, origins, keys, stopping, metrics }
+    }
+
+    /// The same, open to pages of these origins; `*` is any.
+    #[must_use]
+    pub fn allowing(self, origins: Vec<HeaderValue>) -> Self {
+        Self { origins, ..self }
+    }
+}
+
+/// The state of every handler.
+pub(crate) type Shared = Arc<Service>;

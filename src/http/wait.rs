@@ -1,0 +1,90 @@
+//! Waiting for the end of jobs, and when to ask again.
+
+use std::time::Duration;
+
+use axum::http::header;
+use tokio::time::Instant;
+use uuid::Uuid;
+
+use super::notation::parse_id;
+use super::service::Service;
+use super::wire::problem::{Kind, Problem};
+use super::wire::query::{Accepts, Argument, Arguments};
+use crate::store::{JobRecord, JobState};
+
+/// Seconds between looks at an unfinished job, for clients that do not use `?wait=`.
+pub(crate) const RETRY_SECONDS: u64 = 1;
+/// Longest `?wait=`, in seconds.
+pub(crate) const WAIT_SECONDS_MAX: u64 = 60;
+/// Waiting, which every result offers.
+pub(crate) const WAIT: &[Argument] = &[Argument {
+    name: "wait",
+    alias: None,
+    accepts: Accepts::Integer(0, WAIT_SECONDS_MAX),
+    default: "0",
+    meaning: "Seconds to wait for the job's end before answering.",
+}];
+
+/// The job once it has ended, or as it is after `wait`, or when the service stops.
+pub(crate) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Result<JobRecord, Problem> {
+    let deadline = Instant::now() + wait;
+    let mut changes = service.store.changes();
+    loop {
+        changes.mark_unchanged();
+        let job = service.store.job(id).await?;
+        if job.state.is_terminal() || Instant::now() >= deadline {
+            return Ok(job);
+        }
+        tokio::select! {
+            _ = changes.changed() => {}
+            () = tokio::time::sleep_until(deadline) => {}
+            () = service.stopping.cancelled() => return Ok(job),
+        }
+    }
+}
+
+/// How long to wait for a job's end, by the argument of [`WAIT`].
+pub(crate) fn wait(arguments: &Arguments) -> Duration {
+    Duration::from_secs(arguments.integer("wait").unwrap_or(0))
+}
+
+/// A job once it has succeeded, waited for at most `wait`.
+///
+/// # Errors
+/// A problem that tells the state of a job without a result.
+pub(crate) async fn finished(service: &Service, id: &str, wait: Duration) -> Result<JobRecord, Problem> {
+    let job = settled(service, parse_id(id)?, wait).await?;
+    match without_result(&job) {
+        Some(problem) => Err(problem),
+        None => Ok(job),
+    }
+}
+
+/// Why a job that has not succeeded has no results; `None` for one that has.
+fn without_result(job: &JobRecord) -> Option<Problem> {
+    let problem = match job.state {
+        JobState::Succeeded => return None,
+        JobState::Queued | JobState::Running => Problem::new(
+            Kind::NotFinished,
+            format!(
+                "job {} is {}; ask again when GET /jobs/{}?wait=60 says succeeded",
+                job.id,
+                job.state.name(),
+                job.id
+            ),
+        )
+        .with_header(header::RETRY_AFTER, RETRY_SECONDS.to_string())
+        .with("progress", job.progress),
+        JobState::Failed => job.failure.as_ref().map_or_else(
+            || Problem::new(Kind::JobFailed, format!("job {} failed", job.id)),
+            |failure| {
+                Problem::new(Kind::JobFailed, format!("job {} failed: {}", job.id, failure.detail))
+                    .with("code", failure.code.clone())
+            },
+        ),
+        JobState::Canceled => {
+            Problem::new(Kind::JobCanceled, format!("job {} was canceled before it had a result", job.id))
+        }
+    };
+    Some(problem.with("state", job.state.name()))
+}
