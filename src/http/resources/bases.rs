@@ -9,11 +9,12 @@ use utoipa::ToSchema;
 
 use super::bases_files::Selection;
 use crate::cloud::ScalarType;
+use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, ResultProblems};
 use crate::http::wire::accept::{CSV, JSON, NPY, NPZ, Offer, PLY};
 use crate::http::wire::download::Download;
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Arguments, resource};
+use crate::http::wire::query::{Accepts, Argument, Arguments};
 
 /// What they can be had as.
 pub(crate) const OFFERS: [Offer; 5] = [JSON, NPY, PLY, NPZ, CSV];

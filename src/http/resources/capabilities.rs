@@ -11,13 +11,15 @@ use utoipa::ToSchema;
 use super::parameters::{KIND, PARAMETERS};
 use super::submission::UPLOAD;
 use super::{
-    bases, coefficients, distances, features, filtered, image, jobs, laplacian, operator, points, signatures,
+    bases, coefficients, distances, features, filtered, image, laplacian, operator, points, signatures,
     similarity, spectrum,
 };
 use crate::cloud::reader::Format;
 use crate::harmonics::FilterKind;
+use crate::http::paging;
 use crate::http::results::asked;
 use crate::http::service::{Limits, Shared};
+use crate::http::wait;
 use crate::http::wire::accept::{JSON, Offer};
 use crate::http::wire::query::{Accepts, Argument};
 use crate::operator::OperatorKind;
@@ -239,8 +241,8 @@ impl From<&Limits> for LimitsView {
             keep_jobs_days: limits.keep_jobs_days,
             keep_clouds_days: limits.keep_clouds_days,
             json_bytes: asked::JSON_BYTES_MAX,
-            wait_seconds_max: jobs::WAIT_SECONDS_MAX,
-            page_max: jobs::PAGE_MAX,
+            wait_seconds_max: wait::WAIT_SECONDS_MAX,
+            page_max: paging::PAGE_MAX,
         }
     }
 }

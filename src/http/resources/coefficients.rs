@@ -1,6 +1,6 @@
 //! The manifold harmonic transform: functions into coefficients, and back.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use axum::extract::Request;
@@ -15,13 +15,14 @@ use crate::cloud::writer::{Column, encode_rows, npy_header};
 use crate::harmonics::filtered::Target;
 use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Energy, Function, Modes, Transformed, transform};
-use crate::http::results::asked::{self, Asked, Harmonics, Resource, ResultProblems};
+use crate::http::results::asked::resource;
+use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
 use crate::http::results::functions::{self, BANDS, NumberLists, bands, forward, of_own};
 use crate::http::results::per_row::PerRow;
 use crate::http::wire::accept::{JSON, NPY, Offer, PLY};
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Arguments, resource};
+use crate::http::wire::query::Argument;
 
 /// What coefficients can be had as.
 pub(crate) const OFFERS: [Offer; 2] = [JSON, NPY];

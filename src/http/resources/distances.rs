@@ -10,11 +10,12 @@ use uuid::Uuid;
 
 use super::signatures::no_scale;
 use crate::harmonics::{Distance, DistanceKind};
+use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
 use crate::http::results::per_row::PerRow;
 use crate::http::wire::accept::{JSON, NPY, Offer, PLY};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, resource};
+use crate::http::wire::query::{Accepts, Argument};
 
 /// What they can be had as.
 pub(crate) const OFFERS: [Offer; 3] = [JSON, NPY, PLY];

@@ -10,12 +10,13 @@ use uuid::Uuid;
 use crate::cloud::PointCloud;
 use crate::harmonics::features::{self as salient, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
 use crate::harmonics::{Modes, Surroundings};
+use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
 use crate::http::results::view::{self, VIEW};
 use crate::http::wire::accept::{JSON, Offer, PLY, PNG};
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, resource};
+use crate::http::wire::query::{Accepts, Argument};
 use crate::picture::Paint;
 
 /// What they can be had as.

@@ -15,6 +15,7 @@ use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::filtered::{self as filtering, Change, Target};
 use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Filter, FilterKind, Scale, Transfer};
+use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, Harmonics, Resource, ResultProblems};
 use crate::http::results::cloud_file;
 use crate::http::results::functions::{self, BANDS, NumberLists, bands, of_own};
@@ -22,7 +23,7 @@ use crate::http::results::view::{self, VIEW};
 use crate::http::wire::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Arguments, resource};
+use crate::http::wire::query::{Accepts, Argument, Arguments};
 use crate::picture::{Paint, View};
 
 /// What it can be had as.

@@ -4,6 +4,7 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderMap, Method, Uri};
 use axum::response::Response;
 
+use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Resource, ResultProblems};
 use crate::http::results::view::{self, VIEW};
 use crate::http::service::Shared;
@@ -11,7 +12,6 @@ use crate::http::wait;
 use crate::http::wire::accept::{self, Offer, PNG};
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Kind, Problem};
-use crate::http::wire::query::resource;
 use crate::picture::Paint;
 
 /// What it can be had as.

@@ -12,12 +12,13 @@ use crate::cloud::ScalarType;
 use crate::cloud::writer::{Column, encode_rows, npy_header};
 use crate::harmonics::Function;
 use crate::harmonics::functions::{represent, representatives};
+use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, ResultProblems};
 use crate::http::results::functions::{self, NumberLists};
 use crate::http::wire::accept::{JSON, NPY, Offer};
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::{Argument, resource};
+use crate::http::wire::query::Argument;
 
 /// What Δf can be had as.
 pub(crate) const OFFERS: [Offer; 2] = [JSON, NPY];

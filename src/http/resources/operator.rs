@@ -8,12 +8,13 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::analysis::{JobKind, Report, SparseMatrix};
+use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, ResultProblems};
 use crate::http::results::matrix;
 use crate::http::wire::accept::{JSON, MTX, NPZ, Offer};
 use crate::http::wire::download::{self, Download};
-use crate::http::wire::problem::{Kind, Problem};
-use crate::http::wire::query::{Accepts, Argument, resource};
+use crate::http::wire::problem::Problem;
+use crate::http::wire::query::{Accepts, Argument};
 use crate::store::JobRecord;
 
 /// What it can be had as.

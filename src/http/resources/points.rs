@@ -8,9 +8,7 @@ use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::cloud::writer::{
-    PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header, ply_columns, ply_properties,
-};
+use crate::cloud::writer::{PlyEncoding, encode_rows, ply_columns, ply_properties};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::http::notation::parse_id;
 use crate::http::results::rows::{npy_layout, ply_layout};

@@ -11,6 +11,7 @@ use utoipa::openapi::response::ResponseBuilder;
 use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, Schema};
 use uuid::Uuid;
 
+use crate::analysis::JobKind;
 use crate::harmonics::Modes;
 use crate::http::service::Shared;
 use crate::http::wait;

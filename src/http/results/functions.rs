@@ -1,14 +1,20 @@
 //! Lists of numbers that clients post: functions on the rows of the upload, and coefficients.
 
+use std::collections::HashMap;
+use std::sync::Arc;
+
 use axum::extract::Request;
+use serde_json::Value;
+use utoipa::ToSchema;
 
 use super::asked::{Harmonics, JSON_BYTES_MAX};
 use super::number_lists::{self, LISTS_MAX};
 use crate::cloud::reader::read_columns;
-use crate::harmonics::Function;
 use crate::harmonics::functions::first_nonfinite;
+use crate::harmonics::{Function, Transformed, transform};
 use crate::http::service::Service;
 use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::query::{Accepts, Argument, Arguments};
 use crate::http::wire::upload;
 
 /// What every `.npy` file begins with.

@@ -1,9 +1,7 @@
 //! Sparse matrices as files: Matrix Market, and the archive that SciPy loads.
 
 use std::io::Cursor;
-use std::ops::Range;
 
-use axum::body::{Body, Bytes};
 use npyz::npz::NpzWriter;
 use npyz::sparse::CsrBase;
 

@@ -9,7 +9,10 @@ use axum::body::{Body, Bytes};
 use flate2::Crc;
 use futures_util::stream::{self, Stream, StreamExt};
 
+use crate::cloud::writer::{PlyEncoding, PlyHeader, encode_faces, npy_header};
+use crate::cloud::{PointCloud, ScalarType};
 use crate::http::wire::problem::Problem;
+use crate::store::CHUNK_POINTS;
 
 /// Chunks read and encoded at once, as long as they are not large.
 const CHUNKS_AHEAD: usize = 2;
