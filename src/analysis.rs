@@ -24,9 +24,8 @@ use crate::geometry::{
 };
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
-use crate::spectrum::slicing::Weyl;
-use crate::spectrum::solver::{DENSE_POINTS_MAX, DENSE_POINTS_MAX_GENERAL, Request};
-use crate::spectrum::{Eigenbasis, Problem, Spectrum, certificates, solve};
+use crate::spectrum::dense::{DENSE_POINTS_MAX, DENSE_POINTS_MAX_GENERAL};
+use crate::spectrum::{Eigenbasis, Problem, Request, Spectrum, Weyl, certificates, solve};
 
 /// Cheap checks before a cloud is accepted: enough distinct points, not in a flat of fewer dimensions than the manifold,
 /// enough for the bases, faces where the operator needs them. Costs a sort of the points. Returns the number of rows that repeat an earlier position.

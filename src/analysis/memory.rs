@@ -2,9 +2,9 @@
 
 use super::{JobKind, Parameters};
 use crate::operator::OperatorKind;
+use crate::spectrum::dense::is_dense;
 use crate::spectrum::shift_invert::krylov_vectors_at_end;
 use crate::spectrum::slicing::{SLICE, vectors_held};
-use crate::spectrum::solver::is_dense;
 
 /// Bytes per point of everything that does not grow with bases: the points twice, 20 neighbours, tree, frames, cells.
 const GEOMETRY_BYTES: u64 = 1_100;

@@ -5,6 +5,7 @@
 //! a rayon pool ([`Compute`]), the only bridge between the two worlds.
 
 mod analyses;
+mod attempt_error;
 mod compute;
 mod own_coefficients;
 mod pulse;

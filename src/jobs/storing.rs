@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::analyses::Results;
+use super::attempt_error::AttemptError;
 use super::compute::Compute;
 use super::own_coefficients::own_coefficients;
-use super::worker::Setback;
+
 use crate::analysis::JobKind;
 use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store, StoreError};
 
@@ -19,7 +20,7 @@ pub(super) async fn store_arrays(
     compute: &Compute,
     claim: &Claim,
     results: &Arc<dyn Results>,
-) -> Result<(), Setback> {
+) -> Result<(), AttemptError> {
     store.begin_result(claim).await?;
     let computed = Arc::clone(results);
     let mass = compute.run(move || computed.mass()).await?;

@@ -9,14 +9,13 @@ use uuid::Uuid;
 
 use super::JobsSettings;
 use super::analyses::{Analyze, Results};
-use super::compute::{Compute, ComputeError};
+use super::attempt_error::{AttemptError, Retry, failure};
+use super::compute::Compute;
 use super::pulse::Pulse;
 use super::room::{Room, Share};
 use super::storing::store_arrays;
 use super::task::Task;
-use crate::analysis::AnalysisError;
-use crate::progress::Canceled;
-use crate::store::{Claim, Heartbeat, JobFailure, JobState, Milliseconds, Store, StoreError};
+use crate::store::{Claim, Heartbeat, JobState, Milliseconds, Store, StoreError};
 
 pub(super) struct Worker {
     pub(super) store: Store,
@@ -28,23 +27,6 @@ pub(super) struct Worker {
     pub(super) stop: CancellationToken,
     pub(super) halt: CancellationToken,
     pub(super) room: Arc<Room>,
-}
-
-/// Why an attempt did not end with a result.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum Setback {
-    #[error(transparent)]
-    Analysis(#[from] AnalysisError),
-    #[error(transparent)]
-    Compute(#[from] ComputeError),
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    #[error("no thread to beat for the job: {0}")]
-    Pulse(#[from] std::io::Error),
-    #[error("ordered to end: {0:?}")]
-    Ordered(Heartbeat),
-    #[error("the service stops")]
-    Halted,
 }
 
 impl Worker {
@@ -97,20 +79,20 @@ impl Worker {
             Ok(pulse) => pulse,
             Err(error) => return self.settle(claim, error.into()).await,
         };
-        let setback = tokio::select! {
+        let error = tokio::select! {
             // An order first: the attempt may have ended because of it, and then says only that it was canceled.
             biased;
-            order = pulse.order() => Setback::Ordered(order),
-            () = self.halt.cancelled() => Setback::Halted,
+            order = pulse.order() => AttemptError::Ordered(order),
+            () = self.halt.cancelled() => AttemptError::Halted,
             ended = &mut attempt => match ended {
                 Ok(state) => return self.record(job, state, &task),
-                Err(setback) => return self.settle(claim, setback).await,
+                Err(error) => return self.settle(claim, error).await,
             },
         };
         // The job ends now, for everybody who waits for it; the computation ends at its next checkpoint, and may not get
         // there soon. Until then this worker claims nothing: the memory of two jobs was not asked for.
         task.progress.cancel();
-        self.settle(claim, setback).await;
+        self.settle(claim, error).await;
         tokio::select! {
             _ = attempt => {}
             () = self.halt.cancelled() => {}
@@ -127,7 +109,7 @@ impl Worker {
         }
     }
 
-    async fn attempt(&self, claim: &Claim, task: &Task) -> Result<JobState, Setback> {
+    async fn attempt(&self, claim: &Claim, task: &Task) -> Result<JobState, AttemptError> {
         let cloud = self.store.load_cloud(claim.job.cloud_id).await?;
         let (kind, parameters) = (claim.job.kind, claim.job.parameters.clone());
         let (analyze, progress) = (Arc::clone(&self.analyze), Arc::clone(&task.progress));
@@ -151,66 +133,32 @@ impl Worker {
     }
 
     /// Gives a job that has no result its end, or its place in the queue back.
-    async fn settle(&self, claim: &Claim, setback: Setback) {
+    async fn settle(&self, claim: &Claim, cause: AttemptError) {
         let job = claim.job.id;
-        let settled = match &setback {
+        let settled = match &cause {
             // Not ours any more: whoever took it decides.
-            Setback::Ordered(Heartbeat::Lost) | Setback::Store(StoreError::LostClaim) => {
+            AttemptError::Ordered(Heartbeat::Lost) | AttemptError::Store(StoreError::LostClaim) => {
                 tracing::warn!(%job, "the claim was lost");
                 return;
             }
-            Setback::Ordered(Heartbeat::Cancel) => {
+            AttemptError::Ordered(Heartbeat::Cancel) => {
                 self.store.cancel_claimed(claim).await.map(|()| JobState::Canceled)
             }
-            Setback::Halted => self.store.release(claim).await,
+            AttemptError::Halted => self.store.release(claim).await,
             _ => {
-                let (failure, retry) = failure(&setback);
+                let (failure, retry) = failure(&cause);
                 self.store.fail(claim, failure, self.delay(retry, claim.job.attempt)).await
             }
         };
         match settled {
             Ok(state) => {
-                tracing::warn!(%job, ?state, %setback, "job ends without a result");
+                tracing::warn!(%job, ?state, %cause, "job ends without a result");
                 self.settings.metrics.ended(state.name());
             }
             // It had just ended by itself.
             Err(StoreError::LostClaim) => {}
             // Its lease runs out, and then it is put back.
-            Err(error) => tracing::error!(%job, %error, %setback, "a job's end could not be stored"),
-        }
-    }
-}
-
-/// When another attempt may fare better.
-#[derive(Debug, Clone, Copy)]
-enum Retry {
-    Never,
-    AtOnce,
-    Later,
-}
-
-/// What the job's owner is told, and when another attempt may fare better.
-fn failure(setback: &Setback) -> (JobFailure, Retry) {
-    let told = |code: &str, detail: String| JobFailure { code: code.to_owned(), detail };
-    match setback {
-        Setback::Analysis(error) => match error {
-            AnalysisError::Parameter { .. } => (told("parameter", error.to_string()), Retry::Never),
-            AnalysisError::Cloud(_) => (told("cloud", error.to_string()), Retry::Never),
-            AnalysisError::Unsupported(_) => (told("unsupported", error.to_string()), Retry::Never),
-            AnalysisError::Numerical(_) => (told("numerical", error.to_string()), Retry::Never),
-            // The order to cancel that led here arrives otherwise: this one nobody gave.
-            AnalysisError::Canceled(Canceled) => {
-                (told("internal", "the computation ended without a reason".to_owned()), Retry::AtOnce)
-            }
-        },
-        Setback::Compute(_) => {
-            (told("crashed", "the computation crashed in every attempt at it".to_owned()), Retry::AtOnce)
-        }
-        Setback::Store(StoreError::Damaged(_)) => {
-            (told("internal", "the stored cloud or the result is damaged".to_owned()), Retry::Never)
-        }
-        Setback::Store(_) | Setback::Pulse(_) | Setback::Ordered(_) | Setback::Halted => {
-            (told("internal", "the result could not be stored".to_owned()), Retry::Later)
+            Err(error) => tracing::error!(%job, %error, %cause, "a job's end could not be stored"),
         }
     }
 }

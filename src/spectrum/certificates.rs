@@ -4,8 +4,8 @@ use faer::Mat;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::block::{Block, column_norms, gram};
-use super::sparse_product::sparse_product;
+use super::vectors::block::{Block, column_norms, gram};
+use super::vectors::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem};
 use crate::progress::{Canceled, Progress};
 

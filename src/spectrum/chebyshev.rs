@@ -2,12 +2,13 @@
 
 use faer::Mat;
 
-use super::block::{Block, column_products};
+use super::inverse::Inverse;
 use super::lobpcg::Preconditioner;
 use super::orthogonal::eigen;
-use super::shift_invert::Inverse;
-use super::sparse_product::sparse_product;
-use super::{Problem, SpectrumError, start};
+use super::vectors::block::{Block, column_products};
+use super::vectors::sparse_product::sparse_product;
+use super::vectors::start;
+use super::{Problem, SpectrumError};
 use crate::progress::{Canceled, Progress};
 
 /// Steps, and start vectors, of the conjugate gradients that find the ends of the preconditioned spectrum.
@@ -166,8 +167,8 @@ fn ends(
 mod tests {
     use super::*;
     use crate::operator::{LaplaceBeltrami, Sparse};
-    use crate::spectrum::block::gram;
-    use crate::spectrum::cholesky::Symbolic;
+    use crate::spectrum::factor::Symbolic;
+    use crate::spectrum::vectors::block::gram;
 
     /// Paths of `side` points times each other, with weight 1 along the axes and `diagonal` across.
     fn grid(side: usize, diagonal: f64) -> Sparse {

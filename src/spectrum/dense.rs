@@ -2,11 +2,34 @@
 
 use faer::{Mat, MatRef};
 
-use super::block::Block;
 use super::general::{self, GeneralPairs};
 use super::orthogonal::eigen;
+use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::operator::Structure;
+
+/// Problems of at most this many points are solved densely.
+const DENSE_POINTS: usize = 500;
+
+/// Larger shares `k/n` of the spectrum than this are solved densely.
+const DENSE_SHARE: f64 = 0.2;
+
+/// Largest order that is solved densely: 8 n² bytes thrice and 10 n³ operations.
+pub const DENSE_POINTS_MAX: usize = 5_000;
+
+/// The same for operators without symmetry, which take 25 n³ operations.
+pub const DENSE_POINTS_MAX_GENERAL: usize = 1_500;
+
+/// Whether `count` pairs of a semi-definite problem of `n` points are computed from the dense matrix.
+#[must_use]
+pub fn is_dense(n: usize, count: usize) -> bool {
+    n <= DENSE_POINTS || (count as f64 > DENSE_SHARE * n as f64 && n <= DENSE_POINTS_MAX)
+}
+
+/// Whether `count` pairs of an operator that is not positive semi-definite are computed from the dense matrix.
+pub(super) fn is_dense_general(n: usize, count: usize) -> bool {
+    n <= DENSE_POINTS || count as f64 > DENSE_SHARE * n as f64
+}
 
 /// The `count` smallest eigenpairs. The null space is taken as known, so that it is exact and splits by component.
 ///

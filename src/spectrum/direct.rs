@@ -1,10 +1,11 @@
 //! Operators of which the factor fits: pairs by inverse iteration, counted or probed for what was missed.
 
-use super::block::Block;
 use super::certificates::MissedCheck;
-use super::cholesky::{Cholesky, Symbolic};
+use super::factor::{Cholesky, Symbolic};
 use super::probe::{Probe, Towards};
-use super::solver::{Method, Request, Solution, certified, with_null_space};
+use super::ritz::rayleigh_ritz;
+use super::solution::{Method, Request, Solution, certified, with_null_space};
+use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError, shift_invert, slicing};
 use crate::progress::{Phase, Progress};
 
@@ -138,7 +139,7 @@ fn with_missed<'a>(
     drop(pairs);
     all.copy_columns(known, &others.vectors, 0, more);
     drop(others);
-    Ok((shift_invert::rayleigh_ritz(problem, all, progress)?, factor))
+    Ok((rayleigh_ritz(problem, all, progress)?, factor))
 }
 
 /// Counts the eigenvalues below the last gap between found ones: in a cluster at the end, of which only a part was asked

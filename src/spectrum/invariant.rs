@@ -6,12 +6,12 @@
 
 use faer::Mat;
 
-use super::block::{Block, add_product, column_norms, gram, replace_by_product};
 use super::dense::ritz;
 use super::general::{self, GeneralPairs};
 use super::lobpcg::{Preconditioner, new_directions};
 use super::orthogonal::orthonormalize;
-use super::sparse_product::sparse_product;
+use super::vectors::block::{Block, add_product, column_norms, gram, replace_by_product};
+use super::vectors::sparse_product::sparse_product;
 use super::{Problem, SpectrumError};
 use crate::progress::Progress;
 

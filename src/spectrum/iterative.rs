@@ -1,14 +1,16 @@
 //! Wide operators of which the factor does not fit: pairs by a polynomial inverse or by LOBPCG, probed for what was missed.
 
-use super::block::Block;
 use super::certificates::{self, MissedCheck};
 use super::chebyshev::Chebyshev;
+use super::factor::Symbolic;
+use super::inverse::{Nearest, Shifted};
 use super::lobpcg::{self, Preconditioner};
+use super::narrow::{guarded, narrow_vectors};
 use super::probe::{Probe, Towards};
-use super::shift_invert::{Nearest, Shifted, rayleigh_ritz, ritz_vectors};
-use super::solver::{
-    GUARD_MIN, GUARD_SHARE, Method, Request, Solution, analyze, certified, narrow_vectors, with_null_space,
-};
+use super::ritz::rayleigh_ritz;
+use super::shift_invert::ritz_vectors;
+use super::solution::{Method, Request, Solution, certified, with_null_space};
+use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::operator::Sparse;
 use crate::progress::{Phase, Progress};
@@ -31,7 +33,7 @@ pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64]>(
     request: &Request<'_, P>,
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
-    let symbolic = analyze(narrow, request, progress)?;
+    let symbolic = Symbolic::by_position(narrow, &request.position, progress)?;
     progress.advance(0.5)?;
     let factor = symbolic.factor(narrow, problem.shift, progress)?;
     progress.enter(Phase::Eigenpairs)?;
@@ -43,8 +45,7 @@ pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64]>(
         let pairs = polynomial_solve(problem, &polynomial, &preconditioner, wanted, request, progress)?;
         (pairs, Method::Polynomial)
     } else {
-        let guard = GUARD_MIN.max((GUARD_SHARE * wanted as f64) as usize);
-        let start = narrow_vectors(problem, narrow, &factor, wanted + guard, progress)?;
+        let start = narrow_vectors(problem, narrow, &factor, guarded(wanted), progress)?;
         let rest = |share| 0.3 + 0.7 * share;
         let pairs =
             lobpcg::solve(problem, &preconditioner, start, wanted, request.tolerance, progress, rest)?;
@@ -112,9 +113,8 @@ fn with_missed(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectrum::cholesky::Symbolic;
+    use crate::spectrum::grid::{grid, grid_eigenvalues};
     use crate::spectrum::shift_invert;
-    use crate::spectrum::shift_invert::tests::{grid, grid_eigenvalues};
 
     #[test]
     fn pairs_that_were_left_out_are_found_again() {

@@ -3,11 +3,12 @@
 
 use faer::Mat;
 
-use super::block::{Block, add_product, gram, replace_by_product};
-use super::entry::Entry;
+use super::inverse::{BLOCK, Inverse, Nearest};
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_knowing};
-use super::shift_invert::{BLOCK, Inverse, Nearest};
-use super::{Problem, SpectrumError, start};
+use super::vectors::block::{Block, add_product, gram, replace_by_product};
+use super::vectors::scalar::Scalar;
+use super::vectors::start;
+use super::{Problem, SpectrumError};
 use crate::progress::Progress;
 
 /// A basis of the Krylov space and the projection of the operator onto it.
@@ -44,7 +45,7 @@ impl Complement<'_> {
 }
 
 /// Appends a block of hashed numbers, orthogonal to everything so far.
-pub(super) fn fresh_block<V: Entry>(
+pub(super) fn fresh_block<V: Scalar>(
     complement: &Complement<'_>,
     krylov: &mut Krylov<V>,
     work: &mut Block,
@@ -63,13 +64,13 @@ pub(super) fn fresh_block<V: Entry>(
     Ok(())
 }
 
-fn append<V: Entry>(krylov: &mut Krylov<V>, work: &Block) {
+fn append<V: Scalar>(krylov: &mut Krylov<V>, work: &Block) {
     krylov.basis.set_columns(krylov.processed + work.columns());
     krylov.basis.copy_columns(krylov.processed, work, 0, work.columns());
 }
 
 /// Multiplies the next block and orthogonalises the product.
-pub(super) fn expand<V: Entry>(
+pub(super) fn expand<V: Scalar>(
     complement: &Complement<'_>,
     inverse: &dyn Inverse,
     krylov: &mut Krylov<V>,
@@ -157,7 +158,7 @@ impl Ritz {
 }
 
 /// Keeps the best Ritz vectors, a third of the others among them, and the next block.
-pub(super) fn restart<V: Entry>(
+pub(super) fn restart<V: Scalar>(
     krylov: &mut Krylov<V>,
     nearest: Nearest,
     progress: &Progress,
@@ -189,7 +190,7 @@ pub(super) fn restart<V: Entry>(
 
 /// The Ritz vectors after one more inverse iteration, which takes the fine scales out that the inverse cannot see. No
 /// solve is needed: of a Ritz vector, `(A−sI)⁻¹ y` is `θ y` and what the next block holds.
-pub(super) fn finish<V: Entry>(
+pub(super) fn finish<V: Scalar>(
     complement: &Complement<'_>,
     mut krylov: Krylov<V>,
     nearest: Nearest,

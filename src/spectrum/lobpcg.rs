@@ -5,10 +5,10 @@
 
 use faer::{Mat, MatRef};
 
-use super::block::{Block, column_norms, gram, replace_by_product};
-use super::cholesky::Cholesky;
+use super::factor::Cholesky;
 use super::orthogonal::{eigen, orthonormalize, orthonormalize_small};
-use super::sparse_product::sparse_product;
+use super::vectors::block::{Block, column_norms, gram, replace_by_product};
+use super::vectors::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::{Canceled, Progress};
 

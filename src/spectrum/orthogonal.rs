@@ -3,8 +3,8 @@
 use faer::{Mat, MatRef, Side};
 
 use super::SpectrumError;
-use super::block::{Block, add_product_from, gram, gram_from, replace_by_product};
-use super::entry::Entry;
+use super::vectors::block::{Block, add_product_from, gram, gram_from, replace_by_product};
+use super::vectors::scalar::Scalar;
 use crate::progress::Progress;
 
 /// Directions whose squared length is below this share of the largest are rounding noise.
@@ -56,7 +56,7 @@ pub struct Taken {
 ///
 /// # Errors
 /// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
-pub fn orthonormalize<V: Entry>(
+pub fn orthonormalize<V: Scalar>(
     w: &mut Block,
     v: &Block<V>,
     progress: &Progress,
@@ -69,7 +69,7 @@ pub fn orthonormalize<V: Entry>(
 ///
 /// # Errors
 /// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
-pub fn orthonormalize_knowing<V: Entry>(
+pub fn orthonormalize_knowing<V: Scalar>(
     w: &mut Block,
     v: &Block<V>,
     from: usize,
@@ -117,7 +117,7 @@ pub fn orthonormalize_small(mut w: Mat<f64>, v: MatRef<'_, f64>) -> Result<Mat<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectrum::start;
+    use crate::spectrum::vectors::start;
 
     #[test]
     fn dependent_columns_are_dropped_and_the_rest_is_orthonormal_and_complete() {

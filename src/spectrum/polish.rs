@@ -1,11 +1,12 @@
 //! Eigenpairs from the vectors of a Krylov space: as they are where solutions are exact, corrected where they are in
 //! single precision.
 
-use super::block::{Block, column_products};
-use super::cholesky::Cholesky;
+use super::factor::Cholesky;
+use super::inverse::BLOCK;
 use super::krylov::Complement;
-use super::shift_invert::{BLOCK, rayleigh_ritz};
-use super::sparse_product::sparse_product;
+use super::ritz::rayleigh_ritz;
+use super::vectors::block::{Block, column_products};
+use super::vectors::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError, certificates};
 use crate::progress::{Canceled, Progress};
 
@@ -88,9 +89,10 @@ fn correct(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectrum::cholesky::Symbolic;
-    use crate::spectrum::shift_invert::tests::{grid, grid_eigenvalues};
-    use crate::spectrum::shift_invert::{Nearest, Shifted, ritz_vectors};
+    use crate::spectrum::factor::Symbolic;
+    use crate::spectrum::grid::{grid, grid_eigenvalues};
+    use crate::spectrum::inverse::{Nearest, Shifted};
+    use crate::spectrum::shift_invert::ritz_vectors;
 
     #[test]
     fn what_rough_solutions_leave_is_taken_away_or_said_to_be_left() {

@@ -2,12 +2,13 @@
 
 use faer::Mat;
 
-use super::block::{Block, add_product, gram};
-use super::cholesky::Cholesky;
+use super::factor::Cholesky;
 use super::lobpcg::Preconditioner;
 use super::orthogonal::{eigen, orthonormalize};
-use super::sparse_product::sparse_product;
-use super::{Problem, SpectrumError, start};
+use super::vectors::block::{Block, add_product, gram};
+use super::vectors::sparse_product::sparse_product;
+use super::vectors::start;
+use super::{Problem, SpectrumError};
 use crate::progress::Progress;
 
 const VECTORS: usize = 8;

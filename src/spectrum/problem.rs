@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::block::Block;
+use super::vectors::block::Block;
 use crate::geometry::{Components, components};
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 

@@ -4,18 +4,14 @@
 
 use faer::Mat;
 
-use super::block::{Block, gram, replace_by_product};
-use super::cholesky::Cholesky;
-use super::entry::Entry;
+use super::factor::Cholesky;
+use super::inverse::{BLOCK, Nearest, Shifted};
 use super::krylov::{Complement, Krylov, Ritz, expand, finish, fresh_block, restart};
-use super::orthogonal::{eigen, orthonormalize};
 use super::polish::polished;
-use super::sparse_product::sparse_product;
+use super::vectors::block::Block;
+use super::vectors::scalar::Scalar;
 use super::{Eigenpairs, Problem, SpectrumError};
-use crate::progress::{Canceled, Progress};
-
-/// Vectors multiplied together.
-pub(super) const BLOCK: usize = 16;
+use crate::progress::Progress;
 
 /// Restarts before giving up.
 const RESTARTS_MAX: usize = 60;
@@ -31,54 +27,6 @@ const ROOM_BLOCKS_AT_END_SINGLE: usize = 12;
 
 /// Estimated residuals that are good enough, as a share of the tolerance: the last inverse iteration improves on them.
 const FINISHED: f64 = 0.5;
-
-/// The eigenvalues nearest to a shift.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Nearest {
-    /// How many below it.
-    pub below: usize,
-    /// How many above it.
-    pub above: usize,
-}
-
-impl Nearest {
-    /// How many in all.
-    #[must_use]
-    pub fn count(self) -> usize {
-        self.below + self.above
-    }
-}
-
-/// `(A − sI)⁻¹`, exactly or nearly.
-pub trait Inverse {
-    /// `X ← (A − sI)⁻¹ X`.
-    ///
-    /// # Errors
-    /// [`Canceled`].
-    fn solve(&self, x: &mut Block, progress: &Progress) -> Result<(), Canceled>;
-
-    /// Whether solutions come in single precision: a Krylov space of them needs no more either.
-    fn is_single(&self) -> bool;
-}
-
-impl Inverse for Cholesky<'_> {
-    fn solve(&self, x: &mut Block, progress: &Progress) -> Result<(), Canceled> {
-        Cholesky::solve(self, x, progress)
-    }
-
-    fn is_single(&self) -> bool {
-        !self.is_exact()
-    }
-}
-
-/// `(A − sI)⁻¹` and its shift.
-#[derive(Clone, Copy)]
-pub struct Shifted<'a> {
-    /// The inverse.
-    pub inverse: &'a dyn Inverse,
-    /// s, negative for a positive definite matrix.
-    pub shift: f64,
-}
 
 /// Vectors of a Krylov space that is searched for `count` pairs around a shift inside of the spectrum, the next block
 /// included.
@@ -138,7 +86,7 @@ pub fn ritz_vectors(
 }
 
 /// The same with a Krylov space that is kept in the precision `V`.
-fn iterated<V: Entry>(
+fn iterated<V: Scalar>(
     problem: &Problem,
     shifted: Shifted<'_>,
     beside: &Block,
@@ -196,64 +144,11 @@ fn iterated<V: Entry>(
     Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: steps as usize })
 }
 
-/// Ritz pairs of `A` in the span of `vectors`, ascending.
-///
-/// # Errors
-/// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
-pub fn rayleigh_ritz(
-    problem: &Problem,
-    mut vectors: Block,
-    progress: &Progress,
-) -> Result<Eigenpairs, SpectrumError> {
-    orthonormalize(&mut vectors, &Block::<f64>::zeros(problem.size(), 0), progress)?;
-    progress.checkpoint()?;
-    let mut product = Block::zeros(problem.size(), vectors.columns());
-    sparse_product(&mut product, &problem.matrix, &vectors);
-    progress.checkpoint()?;
-    let (values, coefficients) = eigen(gram(&vectors, &product).as_ref())?;
-    drop(product);
-    progress.checkpoint()?;
-    replace_by_product(&mut vectors, coefficients.as_ref());
-    Ok(Eigenpairs::real(values, vectors))
-}
-
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
-    use crate::operator::{LaplaceBeltrami, Sparse};
-    use crate::spectrum::cholesky::Symbolic;
-
-    /// The 5-point stencil on a `side × side` grid with unit masses: eigenvalues
-    /// `4 sin²(πa/2m) + 4 sin²(πb/2m)`, a, b = 0 … m−1 (the tensor product of paths).
-    pub(in super::super) fn grid(side: usize) -> Problem {
-        let weights = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| {
-            let (x, y) = (i % side, i / side);
-            let mut push = |inside: bool, j: usize| {
-                if inside {
-                    row.push((j as u32, 1.0));
-                }
-            };
-            push(y > 0, i.wrapping_sub(side));
-            push(x > 0, i.wrapping_sub(1));
-            push(x + 1 < side, i + 1);
-            push(y + 1 < side, i + side);
-        };
-        let stiffness =
-            Sparse::stiffness(side * side, || (), weights, |_| Ok::<_, std::convert::Infallible>(()))
-                .unwrap();
-        Problem::new(
-            LaplaceBeltrami::narrow(stiffness, vec![1.0; side * side]),
-            4.0 * std::f64::consts::PI / (side * side) as f64,
-        )
-    }
-
-    /// Its eigenvalues, ascending.
-    pub(in super::super) fn grid_eigenvalues(side: usize) -> Vec<f64> {
-        let path = |a: usize| 4.0 * (std::f64::consts::PI * a as f64 / (2.0 * side as f64)).sin().powi(2);
-        let mut exact: Vec<f64> = (0..side).flat_map(|a| (0..side).map(move |b| path(a) + path(b))).collect();
-        exact.sort_by(f64::total_cmp);
-        exact
-    }
+    use crate::spectrum::factor::Symbolic;
+    use crate::spectrum::grid::{grid, grid_eigenvalues};
 
     #[test]
     fn a_grids_double_eigenvalues_are_all_found() {

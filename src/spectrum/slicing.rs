@@ -1,12 +1,13 @@
 //! Many eigenpairs in slices of the spectrum, each from a shift in its middle: Krylov spaces stay small, and the signs
 //! of every factor's pivots tell which eigenvalues its slice has to find (Grimes, Lewis and Simon 1994).
 
-use super::block::Block;
 use super::certificates;
-use super::cholesky::{Cholesky, Symbolic};
-use super::shift_invert::{
-    Nearest, Shifted, krylov_vectors, krylov_vectors_at_end, rayleigh_ritz, ritz_vectors,
-};
+use super::factor::{Cholesky, Symbolic};
+use super::inverse::{Nearest, Shifted};
+use super::ritz::rayleigh_ritz;
+use super::shift_invert::{krylov_vectors, krylov_vectors_at_end, ritz_vectors};
+use super::vectors::block::Block;
+use super::weyl::Weyl;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
 
@@ -21,31 +22,6 @@ const GUESSES: usize = 4;
 
 /// How far from the middle of its slice a shift may be, as a share of the slice.
 const MIDDLE: std::ops::RangeInclusive<f64> = 0.25..=0.75;
-
-/// Where the eigenvalues are expected: Weyl's law, corrected by what is counted.
-#[derive(Debug, Clone, Copy)]
-pub struct Weyl {
-    /// Size of the first non-zero eigenvalue λ.
-    pub first: f64,
-    /// Intrinsic dimension k: the j-th is about `first · j^{2/k}`.
-    pub dimension: usize,
-    /// t of a heat kernel, whose eigenvalues are `μ = (1 − exp(−tλ))/t`.
-    pub t: Option<f64>,
-}
-
-impl Weyl {
-    /// The `index`-th non-zero eigenvalue.
-    pub(super) fn eigenvalue(&self, index: f64) -> f64 {
-        let lambda = self.first * index.powf(2.0 / self.dimension as f64);
-        self.t.map_or(lambda, |t| -(-t * lambda).exp_m1() / t)
-    }
-
-    /// The law that has `count` non-zero eigenvalues below `mu`.
-    fn through(self, mu: f64, count: usize) -> Self {
-        let lambda = self.t.map_or(mu, |t| -(-t * mu).ln_1p() / t);
-        Self { first: lambda / (count.max(1) as f64).powf(2.0 / self.dimension as f64), ..self }
-    }
-}
 
 /// Vectors that are held at once for `count` pairs: the other slices' and a Krylov space, at the end all twice.
 #[must_use]
@@ -157,8 +133,8 @@ fn cut<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectrum::block::gram;
-    use crate::spectrum::shift_invert::tests::{grid, grid_eigenvalues};
+    use crate::spectrum::grid::{grid, grid_eigenvalues};
+    use crate::spectrum::vectors::block::gram;
 
     fn solved(side: usize, count: usize, first: f64) -> Option<Eigenpairs> {
         let problem = grid(side);

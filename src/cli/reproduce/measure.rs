@@ -82,3 +82,15 @@ pub(super) fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     values[((values.len() - 1) as f64 * q).round() as usize]
 }
+
+/// The parameters of all tables of [PBMHB]: t = ε² and δ = 5√(2t); for `pcd`, whose simplices count within δ/2, and
+/// for the graphs δ = 10ε or what comes next to it. The paper asks for δ ≥ 10ε, and its graph's first eigenvalues are
+/// those of that δ.
+pub(super) fn point_based_parameters(kind: OperatorKind) -> Parameters {
+    let usual = as_in_paper(kind);
+    if kind.is_combinatorial() {
+        Parameters { delta_factor: Some(10.0), ..usual }
+    } else {
+        Parameters { t_factor: Some(1.0), delta_factor: kind.is_pcd().then_some(10.0), ..usual }
+    }
+}

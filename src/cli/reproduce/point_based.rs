@@ -5,8 +5,7 @@ use chladni::cloud::shapes::{Sampling, Shape};
 use chladni::operator::OperatorKind::{Graph, PbMhb, Pcd, PcdSymmetrized};
 
 use super::Extent;
-use super::measure::{Known, laplacian, operator, quantile, sampled};
-use super::point_based_bases::parameters;
+use super::measure::{Known, laplacian, operator, point_based_parameters, quantile, sampled};
 use super::samples;
 use super::table::{Bound, Table};
 use crate::cli::Failure;
@@ -38,7 +37,7 @@ pub(super) fn figure_3(extent: Extent) -> Result<Table, Failure> {
         (Graph, Bound::AtLeast(1.9)),
         (PcdSymmetrized, Bound::Shown),
     ] {
-        let built = operator(&cylinder, &parameters(kind))?;
+        let built = operator(&cylinder, &point_based_parameters(kind))?;
         let margin = 10.0 * built.report.sampling.epsilon;
         let found = laplacian(&built, &cylinder, |p| p[2] * p[2]);
         let inside = |i: &usize| (margin..=4.0 - margin).contains(&cylinder.point(*i)[2]);
@@ -53,15 +52,6 @@ pub(super) fn figure_3(extent: Extent) -> Result<Table, Failure> {
 /// cos θ on the unit sphere, Δ cos θ = −2 cos θ.
 const ZONAL: Known = Known { name: "cos θ", f: |p| p[2], laplacian: |p| -2.0 * p[2] };
 
-/// The three spheres of [PBMHB Fig. 4].
-pub(super) fn spheres() -> Result<[(&'static str, PointCloud); 3], Failure> {
-    Ok([
-        ("1,000 points", samples::shape(Shape::Sphere, 1_000, Sampling::Uniform)?),
-        ("2,475 points, uneven", samples::two_resolutions(Shape::Sphere, 2, 3_180, 1_770)?),
-        ("3,994 points", samples::shape(Shape::Sphere, 3_994, Sampling::Uniform)?),
-    ])
-}
-
 /// Quantiles of the error of Δ cos θ.
 pub(super) fn figure_5(_: Extent) -> Result<Table, Failure> {
     let mut table = Table::new(
@@ -70,10 +60,10 @@ pub(super) fn figure_5(_: Extent) -> Result<Table, Failure> {
          \"paper\" holds PCD's figure of the same sample, because the paper's histograms put its operator below PCD in all \
          three.",
     );
-    for (name, cloud) in spheres()? {
+    for (name, cloud) in samples::spheres()? {
         let truth = sampled(&cloud, ZONAL.laplacian);
         let errors = |kind| -> Result<Vec<f64>, Failure> {
-            let built = operator(&cloud, &parameters(kind))?;
+            let built = operator(&cloud, &point_based_parameters(kind))?;
             let found = laplacian(&built, &cloud, ZONAL.f);
             Ok(truth.iter().zip(&found).map(|(u, v)| (u - v).abs()).collect())
         };

@@ -3,27 +3,14 @@
 use chladni::analysis::{Analysis, Parameters};
 use chladni::cloud::PointCloud;
 use chladni::cloud::shapes::Shape;
-use chladni::operator::OperatorKind::{self, Graph, Kirchhoff, PbMhb};
+use chladni::operator::OperatorKind::{Graph, Kirchhoff, PbMhb};
 use nalgebra::{Matrix3, Vector3};
 
 use super::Extent;
-use super::measure::{as_in_paper, bases, eigenvalues};
-use super::point_based::spheres;
+use super::measure::{bases, eigenvalues, point_based_parameters};
 use super::samples;
 use super::table::{Bound, Table};
 use crate::cli::Failure;
-
-/// The parameters of all tables of the paper: t = ε² and δ = 5√(2t); for `pcd`, whose simplices count within δ/2, and
-/// for the graphs δ = 10ε or what comes next to it. The paper asks for δ ≥ 10ε, and its graph's first eigenvalues are
-/// those of that δ.
-pub(super) fn parameters(kind: OperatorKind) -> Parameters {
-    let usual = as_in_paper(kind);
-    if kind.is_combinatorial() {
-        Parameters { delta_factor: Some(10.0), ..usual }
-    } else {
-        Parameters { t_factor: Some(1.0), delta_factor: kind.is_pcd().then_some(10.0), ..usual }
-    }
-}
 
 /// [E∞; λ] of the first three bases in the paper's order: PB-MHB, then λ of graph and Kirchhoff.
 const TABLE_2: [[[f64; 4]; 3]; 3] = [
@@ -40,10 +27,10 @@ pub(super) fn table_2(_: Extent) -> Result<Table, Failure> {
          the best-fitting spherical harmonic of degree 1; |λ − 2| the error of their eigenvalues. \"Ours\" are the raw μ of \
          the paper's operator; the second set is the operator with our additions at its defaults.",
     );
-    for ((name, cloud), paper) in spheres()?.iter().zip(TABLE_2) {
+    for ((name, cloud), paper) in samples::spheres()?.iter().zip(TABLE_2) {
         let few =
             |parameters: Parameters| bases(cloud, &Parameters { bases: 5, tolerance: 1e-8, ..parameters });
-        let as_published = few(parameters(PbMhb))?;
+        let as_published = few(point_based_parameters(PbMhb))?;
         let improved = few(Parameters::default())?;
         let published = eigenvalues(&as_published);
         let corrected = eigenvalues(&improved);
@@ -70,7 +57,7 @@ pub(super) fn table_2(_: Extent) -> Result<Table, Failure> {
             );
         }
         for (kind, column) in [(Graph, 2), (Kirchhoff, 3)] {
-            let values = eigenvalues(&few(parameters(kind))?);
+            let values = eigenvalues(&few(point_based_parameters(kind))?);
             for j in 1..=3 {
                 table.row(
                     format!("{name}: λ{j} of `{}`", kind.name()),
@@ -122,7 +109,7 @@ pub(super) fn figure_7(_: Extent) -> Result<Table, Failure> {
         ),
     );
     for (kind, bound) in [(PbMhb, Bound::AtMost(0.2)), (Graph, Bound::Shown)] {
-        let analysis = bases(&cloud, &Parameters { bases: 8, ..parameters(kind) })?;
+        let analysis = bases(&cloud, &Parameters { bases: 8, ..point_based_parameters(kind) })?;
         let twins = mirrored(&cloud);
         for j in 1..=4 {
             table.row(format!("`{}`: H{j}", kind.name()), None, asymmetry(&analysis, j, &twins), bound);
@@ -172,7 +159,7 @@ pub(super) fn figure_8(_: Extent) -> Result<Table, Failure> {
     );
     let mut lopsided = Vec::new();
     for kind in [PbMhb, Graph] {
-        let analysis = bases(&cloud, &Parameters { bases: BASES, ..parameters(kind) })?;
+        let analysis = bases(&cloud, &Parameters { bases: BASES, ..point_based_parameters(kind) })?;
         let x: Vec<f64> = (0..cloud.len()).map(|i| cloud.point(i)[0]).collect();
         let filtered = low_passed(&analysis, &x);
         let ends =

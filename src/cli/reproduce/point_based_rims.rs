@@ -4,8 +4,7 @@ use chladni::analysis::Parameters;
 use chladni::operator::OperatorKind::{PbMhb, Voronoi};
 
 use super::Extent;
-use super::measure::{bases, operator};
-use super::point_based_bases::parameters;
+use super::measure::{bases, operator, point_based_parameters};
 use super::samples;
 use super::table::{Bound, Table};
 use crate::cli::Failure;
@@ -19,7 +18,7 @@ const ANGLES: [f64; 4] = [0.0, 30.0, 70.0, 120.0];
 /// The paper's operator and ours.
 fn contenders() -> [(&'static str, Parameters); 3] {
     [
-        ("as published", parameters(PbMhb)),
+        ("as published", point_based_parameters(PbMhb)),
         ("with our additions", Parameters::default()),
         ("`voronoi`", Parameters { operator: Voronoi, ..Parameters::default() }),
     ]

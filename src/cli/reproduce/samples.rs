@@ -154,3 +154,12 @@ pub(super) fn spherical_mesh(points: usize, sampling: Sampling, noise: f64) -> R
     let moved = SampleRequest { sampling, noise, seed: SEED, ..SampleRequest::new(Shape::Sphere, points) };
     sample(&moved).map_err(Failure::other)?.with_faces(faces).map_err(Failure::other)
 }
+
+/// The three spheres of [PBMHB Fig. 4].
+pub(super) fn spheres() -> Result<[(&'static str, PointCloud); 3], Failure> {
+    Ok([
+        ("1,000 points", shape(Shape::Sphere, 1_000, Sampling::Uniform)?),
+        ("2,475 points, uneven", two_resolutions(Shape::Sphere, 2, 3_180, 1_770)?),
+        ("3,994 points", shape(Shape::Sphere, 3_994, Sampling::Uniform)?),
+    ])
+}

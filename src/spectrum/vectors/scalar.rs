@@ -8,7 +8,7 @@ use faer::traits::RealField;
 use pulp::Simd;
 
 /// Single or double precision, and its vectors.
-pub trait Entry:
+pub trait Scalar:
     RealField + Copy + AddAssign + SubAssign + Neg<Output = Self> + Into<f64> + PartialOrd
 {
     /// Largest relative error of a rounded number.
@@ -50,7 +50,7 @@ pub trait Entry:
     fn negated<S: Simd>(simd: S, a: Self::Vector<S>) -> Self::Vector<S>;
 }
 
-impl Entry for f32 {
+impl Scalar for f32 {
     const ROUNDING: f64 = 0.5 * f32::EPSILON as f64;
 
     type Vector<S: Simd> = S::f32s;
@@ -100,7 +100,7 @@ impl Entry for f32 {
     }
 }
 
-impl Entry for f64 {
+impl Scalar for f64 {
     const ROUNDING: f64 = 0.5 * f64::EPSILON;
 
     type Vector<S: Simd> = S::f64s;

@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::entry::Entry;
 use super::factorization::Factor;
-use super::passes::{Direction, Stage, lanes};
+use super::substitution_kernels::{Direction, Stage, lanes};
 use super::supernodes::Supernodes;
+use crate::spectrum::vectors::scalar::Scalar;
 
 /// Right-hand sides of one pass: the more, the fewer readings of the factor, as long as they stay in cache. A multiple of
 /// the longest vector of any processor.
@@ -20,7 +20,7 @@ const HALF_WIDTH: usize = 8;
 ///
 /// The parts of the order are tasks, each of which reads its part of the factor once; what they have in common is done
 /// by right-hand sides.
-pub(super) fn solve<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, x: &mut [T]) {
+pub(super) fn solve<T: Scalar>(nodes: &Supernodes, factor: &Factor<T>, x: &mut [T]) {
     let rows_of = |rows: Range<usize>| rows.start * WIDTH..rows.end * WIDTH;
     let top_rows = || nodes.top().iter().map(|&s| nodes.columns_of(&(s..s + 1)));
     let in_parts = |x: &mut [T], direction: Direction, top: &[T]| -> Vec<Vec<T>> {
@@ -58,7 +58,7 @@ pub(super) fn solve<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, x: &mut [T
 }
 
 /// Forward and back through the supernodes in none of the parts.
-fn solve_top<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, top: &mut [T]) {
+fn solve_top<T: Scalar>(nodes: &Supernodes, factor: &Factor<T>, top: &mut [T]) {
     let width = HALF_WIDTH.max(lanes::<T>());
     let groups: Vec<usize> = (0..WIDTH).step_by(width).collect();
     let source = &*top;
@@ -83,10 +83,10 @@ fn solve_top<T: Entry>(nodes: &Supernodes, factor: &Factor<T>, top: &mut [T]) {
 mod tests {
     use crate::operator::Sparse;
     use crate::progress::Progress;
-    use crate::spectrum::block::Block;
-    use crate::spectrum::cholesky::Symbolic;
-    use crate::spectrum::sparse_product::sparse_product;
-    use crate::spectrum::start;
+    use crate::spectrum::factor::Symbolic;
+    use crate::spectrum::vectors::block::Block;
+    use crate::spectrum::vectors::sparse_product::sparse_product;
+    use crate::spectrum::vectors::start;
 
     /// Every point of a ring coupled to the next `reach`: with few points and many couplings one supernode of many
     /// columns, otherwise many narrow ones.

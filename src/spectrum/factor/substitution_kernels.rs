@@ -10,21 +10,21 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::entry::Entry;
 use super::factorization::Factor;
 use super::supernodes::{Supernode, Supernodes};
+use crate::spectrum::vectors::scalar::Scalar;
 
 /// Columns of a supernode that are eliminated before the rest of it is brought up to date.
 const STRETCH: usize = 16;
 
 /// Numbers of a vector of this processor.
-pub(super) fn lanes<T: Entry>() -> usize {
+pub(super) fn lanes<T: Scalar>() -> usize {
     Arch::new().dispatch(LanesOf::<T>(PhantomData))
 }
 
 struct LanesOf<T>(PhantomData<T>);
 
-impl<T: Entry> WithSimd for LanesOf<T> {
+impl<T: Scalar> WithSimd for LanesOf<T> {
     type Output = usize;
 
     #[inline(always)]
@@ -51,7 +51,7 @@ pub(super) struct Stage<'a, T> {
     pub(super) width: usize,
 }
 
-impl<T: Entry> Stage<'_, T> {
+impl<T: Scalar> Stage<'_, T> {
     /// `x` are the rows of these supernodes. Forward, what they take from the rows that all parts have in common is
     /// added to `above`; backward, `top` are these rows, solved.
     pub(super) fn run(
@@ -90,7 +90,7 @@ struct Pass<'a, T, I> {
     top: &'a [T],
 }
 
-impl<T: Entry, I: DoubleEndedIterator<Item = usize>> WithSimd for Pass<'_, T, I> {
+impl<T: Scalar, I: DoubleEndedIterator<Item = usize>> WithSimd for Pass<'_, T, I> {
     type Output = ();
 
     #[inline(always)]
@@ -104,7 +104,7 @@ impl<T: Entry, I: DoubleEndedIterator<Item = usize>> WithSimd for Pass<'_, T, I>
     }
 }
 
-impl<T: Entry, I: DoubleEndedIterator<Item = usize>> Pass<'_, T, I> {
+impl<T: Scalar, I: DoubleEndedIterator<Item = usize>> Pass<'_, T, I> {
     /// By tiles of `TILE` rows, or columns, of the factor times `PANEL` vectors of right-hand sides.
     #[inline(always)]
     fn tiled<S: Simd, const TILE: usize, const PANEL: usize>(self, simd: S) {
@@ -157,7 +157,7 @@ impl<'a, T> Entries<'a, T> {
 
 /// Eliminates the columns of a supernode from the rows after them.
 #[inline(always)]
-fn forward<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
+fn forward<T: Scalar, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
     stage: &Stage<'_, T>,
     s: usize,
@@ -207,7 +207,7 @@ fn forward<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
 
 /// `sum += l x`.
 #[inline(always)]
-fn add<T: Entry, S: Simd, const PANEL: usize>(
+fn add<T: Scalar, S: Simd, const PANEL: usize>(
     simd: S,
     sum: &mut [T::Vector<S>; PANEL],
     l: T,
@@ -221,7 +221,7 @@ fn add<T: Entry, S: Simd, const PANEL: usize>(
 
 /// `target[place(i)] −= Σ L[i, k] · solved[k]` over the columns `columns`, for the rows `rows` of a supernode.
 #[inline(always)]
-fn subtract<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
+fn subtract<T: Scalar, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
     factor: &Entries<'_, T>,
     columns: Range<usize>,
@@ -264,7 +264,7 @@ fn subtract<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
 
 /// Solves for the rows of a supernode, given those after them.
 #[inline(always)]
-fn backward<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
+fn backward<T: Scalar, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
     stage: &Stage<'_, T>,
     s: usize,
@@ -311,7 +311,7 @@ fn backward<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
 
 /// `target[k] −= Σ L[i, k] · solved[place(i)]` over the rows `rows`, for the columns `columns` of a supernode.
 #[inline(always)]
-fn subtract_transposed<T: Entry, S: Simd, const TILE: usize, const PANEL: usize>(
+fn subtract_transposed<T: Scalar, S: Simd, const TILE: usize, const PANEL: usize>(
     lanes: Lanes<S>,
     factor: &Entries<'_, T>,
     columns: Range<usize>,

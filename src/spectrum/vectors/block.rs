@@ -7,7 +7,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-use super::entry::Entry;
+use super::scalar::Scalar;
 
 /// Rows of one dense product: with 300 columns a chunk stays in the second-level cache.
 const CHUNK_ROWS: usize = 512;
@@ -25,7 +25,7 @@ pub struct Block<T = f64> {
     values: Vec<T>,
 }
 
-impl<T: Entry> Block<T> {
+impl<T: Scalar> Block<T> {
     /// A block of zeros with room for `width` columns, all in use.
     #[must_use]
     pub fn zeros(rows: usize, width: usize) -> Self {
@@ -87,7 +87,7 @@ impl<T: Entry> Block<T> {
 
     /// Copies `count` columns of `source` from its column `from` to columns `to ..` of this block, rounded where it is of
     /// less precision.
-    pub fn copy_columns<U: Entry>(&mut self, to: usize, source: &Block<U>, from: usize, count: usize) {
+    pub fn copy_columns<U: Scalar>(&mut self, to: usize, source: &Block<U>, from: usize, count: usize) {
         let width = self.width;
         self.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each(|(chunk, rows)| {
             for (k, row) in rows.chunks_mut(width).enumerate() {
@@ -132,19 +132,19 @@ fn values_for<T>(values: &[T], rows: usize, width: usize, columns: usize) -> &[T
 }
 
 /// A small matrix in the precision of a block.
-fn rounded<T: Entry>(m: MatRef<'_, f64>) -> Mat<T> {
+fn rounded<T: Scalar>(m: MatRef<'_, f64>) -> Mat<T> {
     Mat::from_fn(m.nrows(), m.ncols(), |i, j| T::nearest(m[(i, j)]))
 }
 
 /// `AᵀB`, `a.columns × b.columns`.
 #[must_use]
-pub fn gram<T: Entry>(a: &Block<T>, b: &Block) -> Mat<f64> {
+pub fn gram<T: Scalar>(a: &Block<T>, b: &Block) -> Mat<f64> {
     gram_from(a, 0, b)
 }
 
 /// The same with columns `from ..` of `A` only.
 #[must_use]
-pub fn gram_from<T: Entry>(a: &Block<T>, from: usize, b: &Block) -> Mat<f64> {
+pub fn gram_from<T: Scalar>(a: &Block<T>, from: usize, b: &Block) -> Mat<f64> {
     let n = a.rows;
     let share = n.div_ceil(PARTIAL_SUMS).max(CHUNK_ROWS);
     let starts: Vec<usize> = (0..n).step_by(share).collect();
@@ -177,12 +177,12 @@ pub fn gram_from<T: Entry>(a: &Block<T>, from: usize, b: &Block) -> Mat<f64> {
 }
 
 /// `C += scale · A M` for a small matrix `M`, `a.columns × c.columns`.
-pub fn add_product<T: Entry>(c: &mut Block, scale: f64, a: &Block<T>, m: MatRef<'_, f64>) {
+pub fn add_product<T: Scalar>(c: &mut Block, scale: f64, a: &Block<T>, m: MatRef<'_, f64>) {
     add_product_from(c, scale, a, 0, m);
 }
 
 /// The same with columns `from ..` of `A` only.
-pub fn add_product_from<T: Entry>(c: &mut Block, scale: f64, a: &Block<T>, from: usize, m: MatRef<'_, f64>) {
+pub fn add_product_from<T: Scalar>(c: &mut Block, scale: f64, a: &Block<T>, from: usize, m: MatRef<'_, f64>) {
     let (width, columns) = (c.width, c.columns);
     let m = rounded::<T>(m);
     c.values.par_chunks_mut(width * CHUNK_ROWS).enumerate().for_each_init(
@@ -202,7 +202,7 @@ pub fn add_product_from<T: Entry>(c: &mut Block, scale: f64, a: &Block<T>, from:
 }
 
 /// `A ← A M` in place for `M` with at most as many columns as rows; the block then has `M`'s columns.
-pub fn replace_by_product<T: Entry>(a: &mut Block<T>, m: MatRef<'_, f64>) {
+pub fn replace_by_product<T: Scalar>(a: &mut Block<T>, m: MatRef<'_, f64>) {
     let (width, columns) = (a.width, a.columns);
     let m = rounded::<T>(m);
     a.values.par_chunks_mut(width * CHUNK_ROWS).for_each_init(

@@ -15,10 +15,10 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-use super::entry::Entry;
 use super::supernodes::Supernodes;
 use crate::operator::Sparse;
 use crate::progress::{Canceled, Progress};
+use crate::spectrum::vectors::scalar::Scalar;
 
 /// Diagonal blocks of fewer columns are multiplied whole: their upper halves cost less than the calls that spare them.
 const TRIANGLE_MIN: usize = 32;
@@ -50,7 +50,7 @@ pub(super) struct Factor<T> {
 ///
 /// # Errors
 /// [`Canceled`].
-pub(super) fn factorize<T: Entry>(
+pub(super) fn factorize<T: Scalar>(
     nodes: &Supernodes,
     matrix: Reordered<'_>,
     progress: &Progress,
@@ -117,7 +117,7 @@ impl<T> Scratch<T> {
     }
 }
 
-impl<'a, T: Entry> Task<'a, T> {
+impl<'a, T: Scalar> Task<'a, T> {
     fn new(nodes: &'a Supernodes, matrix: Reordered<'a>) -> Self {
         let local = vec![0; nodes.rows()];
         let size = cholesky_in_place_scratch::<T>(nodes.widest(), Par::Seq, faer::Spec::default());
@@ -233,7 +233,7 @@ struct Earlier<'a, T> {
     base: usize,
 }
 
-impl<T: Entry> Earlier<'_, T> {
+impl<T: Scalar> Earlier<'_, T> {
     /// Subtracts from the rows `rows` of supernode `s`, which are `entries`, what the earlier supernodes take.
     fn update(
         &self,
@@ -300,7 +300,7 @@ impl<T: Entry> Earlier<'_, T> {
 }
 
 /// `left · rightᵀ`, whose row 0 is row `first` of the symmetric whole: what is right of its diagonal may be left out.
-fn multiply<T: Entry>(product: &mut [T], first: usize, left: MatRef<'_, T>, right: MatRef<'_, T>) {
+fn multiply<T: Scalar>(product: &mut [T], first: usize, left: MatRef<'_, T>, right: MatRef<'_, T>) {
     let (rows, columns) = (left.nrows(), right.nrows());
     let product = MatMut::from_column_major_slice_mut(product, rows, columns);
     let one = T::nearest(1.0);

@@ -8,7 +8,7 @@ use super::block::Block;
 use crate::operator::Sparse;
 
 /// `Y = A X` for a sparse `A`; `Y` takes `X`'s number of columns.
-pub(super) fn sparse_product(y: &mut Block, a: &Sparse, x: &Block) {
+pub fn sparse_product(y: &mut Block, a: &Sparse, x: &Block) {
     y.set_columns(x.columns());
     let arch = Arch::new();
     y.for_each_stretch(|first, rows, width| arch.dispatch(Stretch { a, x, first, rows, width }));
@@ -82,7 +82,7 @@ fn columns_of_product<S: Simd, const P: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectrum::start;
+    use crate::spectrum::vectors::start;
 
     #[test]
     fn every_number_of_columns_gives_the_sums_of_the_definition() {

@@ -1,24 +1,17 @@
 //! Sparse Cholesky factors of shifted stiffness matrices, with signs where the shift makes them indefinite.
 
-use faer::Side;
-use faer::perm::PermRef;
-use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::SupernodalThreshold;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
-};
 use rayon::prelude::*;
 
-use super::block::{Block, column_norms};
-use super::entry::Entry;
 use super::factorization::{Factor, Reordered, factorize};
-use super::order::Elimination;
-use super::sparse_product::sparse_product;
 use super::substitution::WIDTH;
-use super::supernodes::Supernodes;
-use super::{SpectrumError, substitution};
+use super::symbolic::Symbolic;
+use super::{FactorError, substitution};
 use crate::operator::Sparse;
 use crate::progress::{Canceled, Progress};
+use crate::spectrum::vectors::block::{Block, column_norms};
+use crate::spectrum::vectors::scalar::Scalar;
+use crate::spectrum::vectors::sparse_product::sparse_product;
+use crate::spectrum::vectors::start;
 
 /// Largest relative residual of the probe after a factorisation. A release of the kernel library once gave silently
 /// wrong factors.
@@ -30,75 +23,19 @@ const CONTRACTION_MAX: f64 = 0.1;
 /// Rows that are copied by one task, at the least.
 const ROWS_MIN: usize = 4_096;
 
-/// The pattern of a factor, and what it will cost, known before it is made.
-pub struct Symbolic {
-    nodes: Supernodes,
-    /// The row eliminated k-th.
-    order: Vec<u32>,
-    /// When row i is eliminated.
-    place: Vec<u32>,
-}
-
 impl Symbolic {
-    /// Analyses the pattern of `matrix` for an elimination order.
-    ///
-    /// # Errors
-    /// [`SpectrumError::Factorization`] when the matrix or its factor has more entries than can be indexed,
-    /// [`SpectrumError::Canceled`].
-    pub fn analyze(
-        matrix: &Sparse,
-        elimination: impl Into<Elimination>,
-        progress: &Progress,
-    ) -> Result<Self, SpectrumError> {
-        let Elimination { order, parts } = elimination.into();
-        let fail = |what: &str| SpectrumError::Factorization(format!("symbolic analysis: {what}"));
-        if u32::try_from(matrix.nonzeros()).is_err() {
-            return Err(fail("more than 2^32 entries"));
-        }
-        let n = matrix.rows();
-        let offsets: Vec<u32> = matrix.offsets().iter().map(|&o| o as u32).collect();
-        let mut place = vec![0_u32; n];
-        for (k, &row) in order.iter().enumerate() {
-            place[row as usize] = k as u32;
-        }
-        let pattern = SymbolicSparseColMatRef::new_checked(n, n, &offsets, None, matrix.columns());
-        let structure = factorize_symbolic_cholesky(
-            pattern,
-            Side::Lower,
-            SymmetricOrdering::Custom(PermRef::new_checked(&order, &place, n)),
-            CholeskySymbolicParams {
-                supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-                ..CholeskySymbolicParams::default()
-            },
-        )
-        .map_err(|error| fail(&format!("{error:?}")))?;
-        progress.checkpoint()?;
-        match structure.raw() {
-            SymbolicCholeskyRaw::Supernodal(symbolic) => {
-                Ok(Self { nodes: Supernodes::new(symbolic, &parts), order, place })
-            }
-            SymbolicCholeskyRaw::Simplicial(_) => Err(fail("no supernodes")),
-        }
-    }
-
-    /// Entries of the factor.
-    #[must_use]
-    pub fn factor_entries(&self) -> usize {
-        self.nodes.entries()
-    }
-
     /// Factors `A + shift·I` for a positive semi-definite `A` of the analysed pattern and `shift > 0`: in single precision
     /// where that leaves a small share of the error.
     ///
     /// # Errors
-    /// [`SpectrumError::Factorization`] when the matrix is not positive definite or the probe fails,
-    /// [`SpectrumError::Canceled`].
+    /// [`FactorError::Matrix`] when the matrix is not positive definite or the probe fails,
+    /// [`FactorError::Canceled`].
     pub fn factor<'a>(
         &'a self,
         matrix: &'a Sparse,
         shift: f64,
         progress: &Progress,
-    ) -> Result<Cholesky<'a>, SpectrumError> {
+    ) -> Result<Cholesky<'a>, FactorError> {
         if let Some(factor) = self.factorize(matrix, shift, progress)? {
             let factor = Precision::Single(factor);
             let mut cholesky = Cholesky { symbolic: self, matrix, shift, factor, contraction: 0.0 };
@@ -119,13 +56,11 @@ impl Symbolic {
         matrix: &'a Sparse,
         shift: f64,
         progress: &Progress,
-    ) -> Result<Cholesky<'a>, SpectrumError> {
+    ) -> Result<Cholesky<'a>, FactorError> {
         match self.factor_indefinite(matrix, shift, progress)? {
             Some(cholesky) if cholesky.negative_eigenvalues() == 0 => Ok(cholesky),
-            Some(_) => Err(SpectrumError::Factorization("not positive definite".into())),
-            None => {
-                Err(SpectrumError::Factorization("a pivot is zero, or the probe |Ax−b|/|b| fails".into()))
-            }
+            Some(_) => Err(FactorError::Matrix("not positive definite".into())),
+            None => Err(FactorError::Matrix("a pivot is zero, or the probe |Ax−b|/|b| fails".into())),
         }
     }
 
@@ -133,13 +68,13 @@ impl Symbolic {
     /// probe (`−shift` too near an eigenvalue).
     ///
     /// # Errors
-    /// [`SpectrumError::Canceled`].
+    /// [`FactorError::Canceled`].
     pub fn factor_indefinite<'a>(
         &'a self,
         matrix: &'a Sparse,
         shift: f64,
         progress: &Progress,
-    ) -> Result<Option<Cholesky<'a>>, SpectrumError> {
+    ) -> Result<Option<Cholesky<'a>>, FactorError> {
         let Some(factor) = self.factorize(matrix, shift, progress)? else { return Ok(None) };
         let factor = Precision::Double(factor);
         let cholesky = Cholesky { symbolic: self, matrix, shift, factor, contraction: 0.0 };
@@ -148,12 +83,12 @@ impl Symbolic {
         Ok((relative <= PROBE_MAX).then_some(cholesky))
     }
 
-    fn factorize<T: Entry>(
+    fn factorize<T: Scalar>(
         &self,
         matrix: &Sparse,
         shift: f64,
         progress: &Progress,
-    ) -> Result<Option<Factor<T>>, SpectrumError> {
+    ) -> Result<Option<Factor<T>>, FactorError> {
         let reordered = Reordered { matrix, shift, order: &self.order, place: &self.place };
         Ok(factorize(&self.nodes, reordered, progress)?)
     }
@@ -162,13 +97,13 @@ impl Symbolic {
     /// `A − bound·I`; `None` when it cannot be factored (`bound` too near an eigenvalue).
     ///
     /// # Errors
-    /// [`SpectrumError::Canceled`].
+    /// [`FactorError::Canceled`].
     pub fn eigenvalues_below(
         &self,
         matrix: &Sparse,
         bound: f64,
         progress: &Progress,
-    ) -> Result<Option<usize>, SpectrumError> {
+    ) -> Result<Option<usize>, FactorError> {
         let factor = self.factor_indefinite(matrix, -bound, progress)?;
         Ok(factor.map(|cholesky| cholesky.negative_eigenvalues()))
     }
@@ -181,7 +116,7 @@ fn probe(
     solve: impl FnOnce(&mut Block) -> Result<(), Canceled>,
 ) -> Result<f64, Canceled> {
     let n = matrix.rows();
-    let b = |i: usize| super::start::hashed(i, usize::MAX);
+    let b = |i: usize| start::hashed(i, usize::MAX);
     let mut x = Block::zeros(n, 1);
     x.for_each_row(|i, row| row[0] = b(i));
     solve(&mut x)?;
@@ -251,7 +186,7 @@ impl Cholesky<'_> {
     /// the shift, where it is largest.
     fn contraction(&self, progress: &Progress) -> Result<f64, Canceled> {
         let mut b = Block::zeros(self.matrix.rows(), WIDTH);
-        super::start::fill(&mut b, 1 << 22);
+        start::fill(&mut b, 1 << 22);
         let mut x = b.clone();
         self.solve(&mut x, progress)?;
         let mut worst = 0.0_f64;
@@ -279,7 +214,7 @@ impl Cholesky<'_> {
         }
     }
 
-    fn substitute_with<T: Entry>(
+    fn substitute_with<T: Scalar>(
         &self,
         factor: &Factor<T>,
         x: &mut Block,
@@ -311,9 +246,9 @@ fn add(x: &mut Block, y: &Block) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectrum::order::nested_dissection;
-    use crate::spectrum::shift_invert::tests::{grid, grid_eigenvalues};
-    use crate::spectrum::{SpectrumError, start};
+    use crate::spectrum::factor::nested_dissection;
+    use crate::spectrum::grid::{grid, grid_eigenvalues};
+    use crate::spectrum::vectors::start;
 
     const SIDE: usize = 150;
 
@@ -439,6 +374,6 @@ mod tests {
         progress.cancel();
         assert_eq!(factor.solve(&mut Block::zeros(problem.size(), 1), &progress), Err(Canceled));
         let canceled = symbolic.factor(&problem.matrix, problem.shift, &progress);
-        assert_eq!(canceled.err(), Some(SpectrumError::Canceled(Canceled)));
+        assert_eq!(canceled.err(), Some(FactorError::Canceled(Canceled)));
     }
 }

@@ -1,0 +1,57 @@
+//! Why an attempt ended without a result, and what follows from it.
+
+use super::compute::ComputeError;
+use crate::analysis::AnalysisError;
+use crate::progress::Canceled;
+use crate::store::{Heartbeat, JobFailure, StoreError};
+
+/// Why an attempt did not end with a result.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum AttemptError {
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
+    #[error(transparent)]
+    Compute(#[from] ComputeError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("no thread to beat for the job: {0}")]
+    Pulse(#[from] std::io::Error),
+    #[error("ordered to end: {0:?}")]
+    Ordered(Heartbeat),
+    #[error("the service stops")]
+    Halted,
+}
+
+/// When another attempt may fare better.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Retry {
+    Never,
+    AtOnce,
+    Later,
+}
+
+/// What the job's owner is told, and when another attempt may fare better.
+pub(super) fn failure(error: &AttemptError) -> (JobFailure, Retry) {
+    let told = |code: &str, detail: String| JobFailure { code: code.to_owned(), detail };
+    match error {
+        AttemptError::Analysis(error) => match error {
+            AnalysisError::Parameter { .. } => (told("parameter", error.to_string()), Retry::Never),
+            AnalysisError::Cloud(_) => (told("cloud", error.to_string()), Retry::Never),
+            AnalysisError::Unsupported(_) => (told("unsupported", error.to_string()), Retry::Never),
+            AnalysisError::Numerical(_) => (told("numerical", error.to_string()), Retry::Never),
+            // The order to cancel that led here arrives otherwise: this one nobody gave.
+            AnalysisError::Canceled(Canceled) => {
+                (told("internal", "the computation ended without a reason".to_owned()), Retry::AtOnce)
+            }
+        },
+        AttemptError::Compute(_) => {
+            (told("crashed", "the computation crashed in every attempt at it".to_owned()), Retry::AtOnce)
+        }
+        AttemptError::Store(StoreError::Damaged(_)) => {
+            (told("internal", "the stored cloud or the result is damaged".to_owned()), Retry::Never)
+        }
+        AttemptError::Store(_) | AttemptError::Pulse(_) | AttemptError::Ordered(_) | AttemptError::Halted => {
+            (told("internal", "the result could not be stored".to_owned()), Retry::Later)
+        }
+    }
+}

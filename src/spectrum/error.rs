@@ -1,0 +1,42 @@
+//! Errors of the eigensolvers.
+
+use super::factor::FactorError;
+use crate::progress::Canceled;
+
+/// Why there are no eigenpairs.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SpectrumError {
+    /// A factorisation failed or was found wrong.
+    #[error("Cholesky factorisation: {0}")]
+    Factorization(String),
+    /// A small dense eigenproblem did not converge.
+    #[error("a dense eigenproblem of order {order} did not converge")]
+    Dense {
+        /// Its order.
+        order: usize,
+    },
+    /// The iteration ended short of the tolerance.
+    #[error(
+        "the eigensolver reached a residual of {reached:e} instead of {tolerance:e} after {iterations} iterations"
+    )]
+    NotConverged {
+        /// Largest relative residual of the wanted pairs.
+        reached: f64,
+        /// The tolerance.
+        tolerance: f64,
+        /// Iterations made.
+        iterations: usize,
+    },
+    /// Canceled by the caller.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+}
+
+impl From<FactorError> for SpectrumError {
+    fn from(error: FactorError) -> Self {
+        match error {
+            FactorError::Matrix(message) => Self::Factorization(message),
+            FactorError::Canceled(canceled) => Self::Canceled(canceled),
+        }
+    }
+}

@@ -1,0 +1,15 @@
+//! Errors of a factorization.
+
+use crate::progress::Canceled;
+
+/// Why there is no factor.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FactorError {
+    /// The matrix has none, or the factor failed its probe.
+    #[error("{0}")]
+    Matrix(String),
+    /// Canceled by the caller.
+    #[error(transparent)]
+    Canceled(#[from] Canceled),
+}

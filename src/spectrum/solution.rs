@@ -1,0 +1,123 @@
+//! What a solver is asked for, and what it answers.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::certificates::{self, Certificates, MissedCheck};
+use super::vectors::block::Block;
+use super::weyl::Weyl;
+use super::{Eigenpairs, Problem, SpectrumError};
+use crate::operator::{Sparse, Structure};
+use crate::progress::Progress;
+
+/// Eigenvalues with everything that tells how far to trust them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Spectrum {
+    /// λ in 1/length² (of graph operators without unit), ascending, heat-corrected where the operator is a heat kernel. A value that carries no
+    /// information (tμ ≥ 1) is absent (null).
+    pub eigenvalues: Vec<Option<f64>>,
+    /// μ in 1/length², ascending: the eigenvalues of the matrix pencil.
+    pub raw_eigenvalues: Vec<f64>,
+    /// Imaginary parts of λ, present for an operator whose eigenvalues need not be real; `eigenvalues` and
+    /// `raw_eigenvalues` are then the real parts, and the two bases of a conjugate pair are the real and the imaginary
+    /// part of its eigenvector.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub imaginary_parts: Option<Vec<f64>>,
+    /// `‖B^-½(S x − μ B x)‖₂ / (μ + σ)` of every returned pair.
+    pub residuals: Vec<f64>,
+    /// Index ranges `[first, last]` of eigenvalues that are too close to tell their vectors apart.
+    pub clusters: Vec<[usize; 2]>,
+    /// Number of connected components, each with one zero eigenvalue.
+    pub components: usize,
+    /// What was checked.
+    pub certificates: Certificates,
+    /// How the eigenpairs were computed.
+    pub method: Method,
+}
+
+/// How eigenpairs were computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// All eigenpairs of the dense matrix.
+    Dense,
+    /// Block Lanczos on the inverse of the shifted operator.
+    ShiftInvert,
+    /// Block Lanczos on the inverse of the shifted operator, made of a polynomial in the operator and the factor of the
+    /// finite-volume operator.
+    Polynomial,
+    /// LOBPCG preconditioned by the finite-volume operator's factor.
+    Lobpcg,
+    /// The same iteration with a Schur form, for operators that are not symmetric or not definite.
+    InvariantSubspace,
+}
+
+/// What a solve needs beside the problem.
+pub struct Request<'a, P> {
+    /// Number of eigenpairs, zero modes included, at most n.
+    pub count: usize,
+    /// Largest relative residual.
+    pub tolerance: f64,
+    /// Position of a point, for the elimination order.
+    pub position: P,
+    /// `B^-½ S B^-½` of a narrow operator on the same points and masses, for kernel operators.
+    pub narrow: Option<&'a Sparse>,
+    /// Where the eigenvalues are expected; absent where nothing is known of them.
+    pub weyl: Option<Weyl>,
+    /// `1/μ` at the upper end of the spectrum of operators with long rows: t of a heat kernel.
+    pub plateau: Option<f64>,
+    /// Whether μ beyond a share of `1/plateau` says nothing about λ.
+    pub saturates: bool,
+}
+
+/// Eigenpairs with their certificates.
+pub struct Solution {
+    /// The pairs.
+    pub pairs: Eigenpairs,
+    /// Their residuals.
+    pub residuals: Vec<f64>,
+    /// The checks.
+    pub certificates: Certificates,
+    /// How they were computed.
+    pub method: Method,
+}
+
+/// Null vectors first, then the pairs found beside them.
+pub(super) fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, count: usize) -> Eigenpairs {
+    let zeros = problem.zero_modes().min(count);
+    let mut vectors = Block::zeros(problem.size(), count);
+    problem.write_null_vectors(&mut vectors, zeros);
+    let mut values = vec![0.0; zeros];
+    if let Some(found) = found {
+        vectors.copy_columns(zeros, &found.vectors, 0, count - zeros);
+        values.extend_from_slice(&found.values[..count - zeros]);
+    }
+    Eigenpairs::real(values, vectors)
+}
+
+pub(super) fn certified<P>(
+    problem: &Problem,
+    pairs: Eigenpairs,
+    request: &Request<'_, P>,
+    method: Method,
+    (missed, missed_check): (Option<usize>, MissedCheck),
+    progress: &Progress,
+) -> Result<Solution, SpectrumError> {
+    let residuals = certificates::residuals(problem, &pairs, progress)?;
+    progress.checkpoint()?;
+    let certificates = Certificates {
+        orthogonality: certificates::orthogonality(&pairs),
+        residual: residuals.iter().copied().fold(0.0, f64::max),
+        zero_modes: match problem.structure {
+            Structure::SemiDefinite => problem.zero_modes().min(request.count),
+            _ => pairs.values.iter().filter(|value| value.abs() <= request.tolerance * problem.shift).count(),
+        },
+        missed,
+        missed_check,
+        saturation: request
+            .plateau
+            .filter(|_| request.saturates)
+            .map(|t| t * pairs.values.last().copied().unwrap_or(0.0)),
+    };
+    Ok(Solution { pairs, residuals, certificates, method })
+}

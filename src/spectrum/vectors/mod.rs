@@ -1,0 +1,8 @@
+//! Blocks of vectors, one row per point: their numbers, their products with dense and sparse matrices, start vectors.
+
+pub mod block;
+pub mod scalar;
+pub mod sparse_product;
+pub mod start;
+
+pub use block::Block;
