@@ -5,20 +5,25 @@
 //! the service built on it. `ARCHITECTURE.md` has the map.
 
 pub mod analysis;
+#[cfg(feature = "server")]
 pub mod app;
 pub mod cloud;
 pub mod geometry;
 pub mod harmonics;
+#[cfg(feature = "server")]
 pub mod http;
+#[cfg(feature = "server")]
 pub mod jobs;
+#[cfg(feature = "server")]
 pub mod metrics;
 pub mod operator;
 pub mod picture;
 pub mod progress;
 pub mod spectrum;
+#[cfg(feature = "server")]
 pub mod store;
 
 /// Compiles and runs the examples of the README.
-#[cfg(doctest)]
+#[cfg(all(doctest, feature = "server"))]
 #[doc = include_str!("../README.md")]
 pub struct Readme;

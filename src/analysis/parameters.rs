@@ -1,14 +1,14 @@
 //! What a caller may choose.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::AnalysisError;
 use crate::geometry::frames::INTRINSIC_MAX;
 use crate::operator::{Distance, HeatKernel, OperatorKind, Parameterization, graph, pb_mhb, pcd};
 
 /// Whether only the operator is built, or its eigenpairs too.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum JobKind {
     /// Builds and diagnoses the operator; its matrices Q and B can be fetched.
@@ -19,7 +19,8 @@ pub enum JobKind {
 }
 
 /// What a caller may choose. Absent numbers are derived from the cloud; absent switches follow `paper`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Parameters {
     /// The discrete Laplace–Beltrami operator.
@@ -195,7 +196,8 @@ impl Parameters {
 }
 
 /// What we add to the paper's operator, as in force.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[allow(clippy::struct_excessive_bools)] // independent switches
 pub struct Additions {
     /// Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.

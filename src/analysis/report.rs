@@ -1,7 +1,6 @@
 //! What an analysis says about itself.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::{Additions, COMPONENT_MIN};
 use crate::geometry::Sampling;
@@ -9,7 +8,8 @@ use crate::operator::{HeatKernel, OperatorKind};
 use crate::spectrum::Spectrum;
 
 /// What an analysis found out, without its arrays. Serialised as it is shown.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Report {
     /// The operator.
     pub operator: OperatorKind,

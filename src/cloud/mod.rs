@@ -49,9 +49,8 @@ pub struct ScalarField {
 }
 
 /// What to do with a point that has a non-finite coordinate.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize, utoipa::ToSchema,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum NonFinite {
     /// Refuse the cloud and name the first such row.

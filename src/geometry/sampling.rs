@@ -1,14 +1,14 @@
 //! How densely and how evenly the surface is sampled.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::cells::{CellKind, Cells};
 use super::neighborhoods::NearestNeighbors;
 use super::points::Points;
 
 /// Measures of the sampling, in the cloud's unit of length.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Sampling {
     /// Covering radius ε [PBMHB Definition 3.1]: the 99 % quantile of the cells' radii.
     pub epsilon: f64,

@@ -1,12 +1,12 @@
 //! Distances that the spectrum gives, from one point to all.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::{Block, Modes};
 
 /// Which distance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum DistanceKind {
     /// `d² = Σ (H_i(p) − H_i(q))² / λ_i²` over the non-zero modes [Lipman, Rustamov, Funkhouser 2010]; a length.

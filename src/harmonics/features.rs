@@ -10,7 +10,6 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::Surroundings;
 use crate::cloud::writer::{Column, PlyEncoding, PlyHeader, axis_name, encode_rows};
@@ -32,7 +31,8 @@ pub struct Extremum {
 }
 
 /// A place where consecutive bases have extrema.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Feature {
     /// Row of the upload.
     pub index: usize,

@@ -4,12 +4,12 @@
 //! apart. Its factor is what the filter does above all frequencies, unless the caller says otherwise.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::Modes;
 
 /// What a filter does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterKind {
     /// Keeps what lies below the cut-off.
@@ -53,7 +53,8 @@ impl FilterKind {
 }
 
 /// In what an edge is given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Scale {
     /// Number of a mode, from 0.
@@ -110,7 +111,8 @@ pub struct Filter {
 }
 
 /// A filter on given modes.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Transfer {
     /// Factor of every mode.
     pub gains: Vec<f64>,

@@ -1,7 +1,6 @@
 //! A filter applied to a cloud: which of its numbers are filtered, and what the cloud is afterwards.
 
 use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::functions::{self, Function};
 use super::transform::{self, Energy, Transformed};
@@ -169,7 +168,8 @@ pub fn rows<C: AsRef<[f64]>>(
 }
 
 /// A function's energy before and after a filter.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Change {
     /// Of the function as it was.
     pub before: Energy,

@@ -7,14 +7,14 @@
 //! the terms left out do. Both are part of the uncertainty, the spread between fits that should agree.
 
 use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::Modes;
 use super::heat_trace::{self, WINDOW_START};
 use crate::geometry::Sampling;
 
 /// A number and how far fits that should agree on it are apart.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Estimate {
     /// The number.
     pub value: f64,
@@ -23,7 +23,8 @@ pub struct Estimate {
 }
 
 /// Invariants of a surface, in units of the cloud.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Invariants {
     /// Sum of the Voronoi cells, in length².
     pub cell_area: f64,

@@ -4,12 +4,12 @@
 //! place, and its i-th number over i does not grow: so every mode weighs the same.
 
 use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::Modes;
 
 /// Two spectra side by side.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Similarity {
     /// Root mean square over the compared modes of `(a_i − b_i) / i`: 0 for equal spectra, dimensionless.
     pub distance: f64,

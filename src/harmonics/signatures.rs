@@ -1,12 +1,12 @@
 //! Heat and wave kernel signatures: what a point sees of the surface, at several scales.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::{Block, Modes};
 
 /// Which signature.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum SignatureKind {
     /// Heat kernel signature [Sun, Ovsjanikov, Guibas 2009]: `Σ exp(−λ_i t) H_i(p)²`, in 1/length².

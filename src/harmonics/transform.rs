@@ -4,7 +4,6 @@
 //! the result does not depend on who computed which.
 
 use serde::Serialize;
-use utoipa::ToSchema;
 
 use super::Block;
 
@@ -124,7 +123,8 @@ pub fn synthesize<C: AsRef<[f64]>>(block: &Block<C>, coefficients: &[&[f64]]) ->
 }
 
 /// How a function's energy `fᵀBf` is spread.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Energy {
     /// `fᵀBf`.
     pub total: f64,
@@ -137,7 +137,8 @@ pub struct Energy {
 }
 
 /// The energy of consecutive modes.
-#[derive(Debug, Clone, PartialEq, Serialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Band {
     /// First mode.
     pub first: usize,

@@ -1,14 +1,14 @@
 //! The kernel part that PB-MHB shares with the other heat-kernel operators: points, weights, t, δ.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::Sparse;
 use crate::geometry::{Points, SearchTree};
 use crate::progress::{Canceled, Progress};
 
 /// Time and cut-off of a Gaussian heat kernel.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct HeatKernel {
     /// Diffusion time t in length².
     pub t: f64,

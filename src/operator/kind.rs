@@ -1,10 +1,10 @@
 //! The operators by name, and what each needs.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 /// The operators that can be asked for by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum OperatorKind {
     /// Symmetrizable Voronoi-weighted heat-kernel operator [PBMHB §3.3–3.4].
@@ -90,7 +90,8 @@ impl OperatorKind {
 }
 
 /// Which distance the Gaussian of `pcd` takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Distance {
     /// Between the points in space [PCD eq. 2.1].
@@ -100,7 +101,8 @@ pub enum Distance {
 }
 
 /// How `pcd` chooses t, δ and its simplices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Parameterization {
     /// t and δ from the covering radius ε, simplices within δ/2 [PCD §2.2].

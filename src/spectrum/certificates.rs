@@ -2,7 +2,6 @@
 
 use faer::Mat;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::vectors::block::{Block, column_norms, gram};
 use super::vectors::sparse_product::sparse_product;
@@ -16,7 +15,8 @@ const CLUSTER_GAP: f64 = 1e-6;
 const COLUMNS: usize = 32;
 
 /// How it was checked that no eigenvalue was missed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum MissedCheck {
     /// All eigenvalues were computed.
@@ -30,7 +30,8 @@ pub enum MissedCheck {
 }
 
 /// How far the eigenpairs can be trusted.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Certificates {
     /// `max |HᵀBH − I|`.
     pub orthogonality: f64,

@@ -10,7 +10,7 @@ use crate::progress::Progress;
 ///
 /// # Errors
 /// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
-pub fn rayleigh_ritz(
+pub(super) fn rayleigh_ritz(
     problem: &Problem,
     mut vectors: Block,
     progress: &Progress,

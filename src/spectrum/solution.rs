@@ -1,7 +1,6 @@
 //! What a solver is asked for, and what it answers.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::certificates::{self, Certificates, MissedCheck};
 use super::vectors::block::Block;
@@ -11,7 +10,8 @@ use crate::operator::{Sparse, Structure};
 use crate::progress::Progress;
 
 /// Eigenvalues with everything that tells how far to trust them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Spectrum {
     /// λ in 1/length² (of graph operators without unit), ascending, heat-corrected where the operator is a heat kernel. A value that carries no
     /// information (tμ ≥ 1) is absent (null).
@@ -36,7 +36,8 @@ pub struct Spectrum {
 }
 
 /// How eigenpairs were computed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// All eigenpairs of the dense matrix.

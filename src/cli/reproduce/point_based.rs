@@ -1,7 +1,5 @@
 //! [PBMHB Fig. 3 and 5]: Δf on a cylinder and on spheres.
 
-use chladni::cloud::PointCloud;
-use chladni::cloud::shapes::{Sampling, Shape};
 use chladni::operator::OperatorKind::{Graph, PbMhb, Pcd, PcdSymmetrized};
 
 use super::Extent;
