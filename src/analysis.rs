@@ -2,12 +2,14 @@
 
 mod assembly;
 mod error;
+mod laplacian;
 mod memory;
 mod parameters;
 mod report;
 mod result;
 
 pub use error::AnalysisError;
+pub use laplacian::Laplacian;
 pub use memory::memory_estimate;
 pub use parameters::{Additions, JobKind, Parameters};
 pub use report::Report;

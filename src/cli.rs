@@ -93,18 +93,25 @@ impl Failure {
         Self::Other(error.to_string())
     }
 
-    fn exit_code(&self) -> ExitCode {
+    fn exit_code(&self) -> u8 {
         match self {
-            Self::Input(_) => ExitCode::from(2),
-            Self::Other(_) => ExitCode::FAILURE,
+            Self::Input(_) => 2,
+            Self::Other(_) => 1,
         }
     }
 }
 
-/// Runs the command that the command line names.
+/// Runs the command that the process was started with.
+#[must_use]
+pub fn main() -> ExitCode {
+    run(std::env::args_os().collect()).into()
+}
+
+/// Runs the command that `arguments` name, the program's name first; gives the exit code.
 #[allow(clippy::print_stderr)] // errors of commands go there
-pub(crate) fn main() -> ExitCode {
-    let cli = Cli::parse_from(with_command(std::env::args_os().collect()));
+#[must_use]
+pub fn run(arguments: Vec<OsString>) -> u8 {
+    let cli = Cli::parse_from(with_command(arguments));
     let result = match cli.command {
         Command::Serve(args) => block_on(serve::run(args)),
         Command::Backup(args) => backup::run(&args),
@@ -125,7 +132,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Completions(args) => completions::run(&args),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failure) => {
             eprintln!("chladni: error: {failure}");
             failure.exit_code()

@@ -1,7 +1,5 @@
 //! Command line of chladni.
 
-mod cli;
-
 fn main() -> std::process::ExitCode {
-    cli::main()
+    chladni::cli::main()
 }

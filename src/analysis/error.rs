@@ -6,6 +6,7 @@ use crate::spectrum::SpectrumError;
 
 /// Why an analysis did not happen.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AnalysisError {
     /// A parameter out of range.
     #[error("parameter `{name}`: {reason}")]

@@ -2,6 +2,7 @@
 
 /// What makes numbers unfit to be a [`super::PointCloud`]. Rows and indices count from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CloudError {
     /// No point at all.
     #[error("the cloud has no points")]

@@ -119,6 +119,14 @@ impl PointCloud {
         })
     }
 
+    /// A cloud of points in space.
+    ///
+    /// # Errors
+    /// [`CloudError`] when there is no point, or a coordinate is not finite.
+    pub fn from_points(points: &[[f64; 3]]) -> Result<Self, CloudError> {
+        Self::new(3, points.as_flattened().to_vec(), NonFinite::Reject)
+    }
+
     /// Remembers the type that the coordinates had in the file.
     #[must_use]
     pub fn with_coordinate_type(mut self, kind: ScalarType) -> Self {

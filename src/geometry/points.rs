@@ -10,6 +10,7 @@ const NO_POINT: u32 = u32::MAX;
 
 /// Why points cannot carry a surface operator.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum GeometryError {
     /// Fewer distinct finite points than any operator needs.
     #[error("{distinct} distinct finite points among {rows} rows; an analysis needs at least {needed}")]

@@ -22,6 +22,7 @@ pub enum Target {
 
 /// Why a field cannot be filtered or transformed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum TargetError {
     /// No such field.
     #[error("the cloud has no field `{name}`; it has {}", known(.fields))]

@@ -55,26 +55,43 @@ impl Signature {
         }
         let (lowest, highest) = (lambda[known.start].ln(), lambda[known.end - 1].ln());
         let place = |s: usize| if count == 1 { 0.5 } else { s as f64 / (count - 1) as f64 };
-        let (scales, weights): (Vec<f64>, Vec<Vec<f64>>) = match kind {
-            SignatureKind::Hks => (0..count)
-                .map(|s| {
-                    let time = DECAY * (-(highest + place(s) * (lowest - highest))).exp();
-                    (time, lambda.iter().map(|lambda| (-lambda * time).exp()).collect())
-                })
-                .unzip(),
-            SignatureKind::Wks => {
-                // a single energy sees all modes alike
-                let step = (highest - lowest) / (count.max(2) - 1) as f64;
-                let sigma = (WAVE_WIDTH * step).max(f64::MIN_POSITIVE.sqrt());
-                (0..count)
-                    .map(|s| {
-                        let energy = lowest + place(s) * (highest - lowest);
-                        (energy, wave_weights(energy, sigma, lambda, known.clone()))
-                    })
-                    .unzip()
-            }
+        let scales = (0..count).map(|s| match kind {
+            SignatureKind::Hks => DECAY * (-(highest + place(s) * (lowest - highest))).exp(),
+            SignatureKind::Wks => lowest + place(s) * (highest - lowest),
+        });
+        // a single energy sees all modes alike
+        let step = (highest - lowest) / (count.max(2) - 1) as f64;
+        Some(Self::weighted(kind, scales.collect(), step, modes))
+    }
+
+    /// At given scales: times t in length² (HKS), or energies ln λ (WKS), whose mean distance tells how wide the weights
+    /// are. `None` as for [`Self::new`], and for scales that are not finite or times that are not above 0.
+    #[must_use]
+    pub fn at(kind: SignatureKind, scales: Vec<f64>, modes: &Modes) -> Option<Self> {
+        let known = modes.informative();
+        let fits = |scale: &f64| scale.is_finite() && (kind == SignatureKind::Wks || *scale > 0.0);
+        if known.is_empty() || scales.is_empty() || !scales.iter().all(fits) {
+            return None;
+        }
+        let step = if scales.len() > 1 {
+            let low = scales.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = scales.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            (high - low) / (scales.len() - 1) as f64
+        } else {
+            (modes.eigenvalues()[known.end - 1] / modes.eigenvalues()[known.start]).ln()
         };
-        Some(Self { scales, weights })
+        Some(Self::weighted(kind, scales, step, modes))
+    }
+
+    /// `step` is the distance between energies.
+    fn weighted(kind: SignatureKind, scales: Vec<f64>, step: f64, modes: &Modes) -> Self {
+        let (lambda, known) = (modes.eigenvalues(), modes.informative());
+        let sigma = (WAVE_WIDTH * step).max(f64::MIN_POSITIVE.sqrt());
+        let weights = scales.iter().map(|&scale| match kind {
+            SignatureKind::Hks => lambda.iter().map(|lambda| (-lambda * scale).exp()).collect(),
+            SignatureKind::Wks => wave_weights(scale, sigma, lambda, known.clone()),
+        });
+        Self { weights: weights.collect(), scales }
     }
 
     /// Divides every scale by its sum over the surface, so that scales can be compared [Sun et al. 2009, §5].
@@ -143,6 +160,19 @@ mod tests {
             assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{weights:?}");
         }
         assert!(wave.weights.iter().all(|weights| weights[0] == 0.0), "the zero mode has no energy");
+    }
+
+    #[test]
+    fn scales_that_are_given_weigh_as_those_that_are_spread() {
+        for kind in [SignatureKind::Hks, SignatureKind::Wks] {
+            let spread = Signature::new(kind, 5, &modes()).unwrap();
+            let given = Signature::at(kind, spread.scales.clone(), &modes()).unwrap();
+            for (one, other) in spread.weights.concat().iter().zip(given.weights.concat()) {
+                assert!((one - other).abs() < 1e-12, "{one} {other}");
+            }
+            assert_eq!(Signature::at(kind, vec![f64::NAN], &modes()), None);
+        }
+        assert_eq!(Signature::at(SignatureKind::Hks, vec![0.0], &modes()), None);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use crate::progress::Canceled;
 
 /// Why there are no eigenpairs.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SpectrumError {
     /// A factorisation failed or was found wrong.
     #[error("Cholesky factorisation: {0}")]

@@ -25,6 +25,7 @@ impl fmt::Display for Location {
 
 /// What makes bytes unfit to be read as a cloud.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// Nothing to read.
     #[error(

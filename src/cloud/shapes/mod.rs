@@ -177,6 +177,7 @@ impl SampleRequest {
 
 /// Why a sample cannot be drawn.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SampleError {
     /// Too few or too many points.
     #[error("points={points}: {points_min} to {POINTS_MAX} are possible for this shape and sampling")]
