@@ -10,8 +10,10 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// (M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
 const SUPERGOLDEN: f64 = 1.220_744_084_605_759_5;
 
-/// Parameters of `points` points that are uniform by area.
-pub(super) fn golden(chart: Chart, points: usize) -> impl Iterator<Item = [f64; 3]> {
+/// Parameters of `points` points that are uniform by area. `shift` (from 0 to 1 along every axis) moves the lattice along
+/// the axes on which it closes, and along the second one always: another sample of the same evenness (Cranley and Patterson,
+/// "Randomization of number theoretic methods for multiple integration", SIAM J. Numer. Anal. 13, 1976).
+pub(super) fn golden(chart: Chart, points: usize, shift: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
     let n = points as f64;
     let gluing = chart.gluing();
     // On a torus the lattice must close at u=1: the step along v is the nearest whole number of n-ths.
@@ -20,9 +22,12 @@ pub(super) fn golden(chart: Chart, points: usize) -> impl Iterator<Item = [f64; 
     (0..points).map(move |i| {
         let i = i as f64;
         if gluing == Gluing::Torus3 {
-            return [1, 2, 3].map(|axis| (0.5 + i * SUPERGOLDEN.powi(-axis)).fract());
+            return [1, 2, 3]
+                .map(|axis| (0.5 + shift[axis as usize - 1] + i * SUPERGOLDEN.powi(-axis)).fract());
         }
-        let [u, v] = [(i + 0.5) / n, (i * step).fract()];
+        // Where the first axis does not close, its rows move within their own width.
+        let u = if gluing == Gluing::Torus { ((i + 0.5) / n + shift[0]).fract() } else { (i + 0.5) / n };
+        let [u, v] = [u, (i * step + shift[1]).fract()];
         let [u, v] = warp.as_ref().map_or([u, v], |warp| warp.apply(u, v));
         [u, v, 0.0]
     })

@@ -161,7 +161,7 @@ pub struct SampleRequest {
     pub sampling: Sampling,
     /// Standard deviation of Gaussian noise along every axis, in units of the shape.
     pub noise: f64,
-    /// Seed of the random numbers.
+    /// Seed of the random numbers; it also shifts [`Sampling::Uniform`], 0 by nothing. [`Sampling::Grid`] has none.
     pub seed: u64,
     /// Fold of the square in degrees; 0 is flat.
     pub angle: f64,
@@ -234,7 +234,9 @@ fn of_chart(chart: Chart, request: &SampleRequest, random: &mut ChaCha8Rng) -> S
     match request.sampling {
         Sampling::Grid => return grid::nodes(chart, request.points, dimension),
         Sampling::Uniform => {
-            for parameter in lattice::golden(chart, request.points) {
+            // Seed 0 is the lattice itself.
+            let shift = if request.seed == 0 { [0.0; 3] } else { random.random() };
+            for parameter in lattice::golden(chart, request.points, shift) {
                 coordinates.extend_from_slice(&chart.place(parameter).point[..dimension]);
             }
         }

@@ -59,7 +59,10 @@ fn the_number_of_points_is_exact_except_for_grids() {
 
 #[test]
 fn the_same_seed_gives_the_same_cloud_and_another_seed_another() {
-    for shape in [Shape::Torus, Shape::TwoHoleTorus] {
+    for shape in [Shape::Torus, Shape::TwoHoleTorus, Shape::Sphere, Shape::Square] {
+        let even = request(shape, 200, Sampling::Uniform);
+        assert_eq!(sample(&even), sample(&even));
+        assert_ne!(sample(&even), sample(&SampleRequest { seed: 8, ..even }), "{shape:?}");
         let first = SampleRequest { noise: 0.01, ..request(shape, 200, Sampling::Iid) };
         let other = SampleRequest { seed: 8, ..first };
         assert_eq!(sample(&first), sample(&first));
