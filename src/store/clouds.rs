@@ -98,6 +98,26 @@ impl Store {
         .await
     }
 
+    /// Names a cloud that has no name yet, after the file that it came in.
+    ///
+    /// # Errors
+    /// [`StoreError::NotFound`] when it has been deleted; [`StoreError::Database`].
+    pub async fn name_cloud(&self, id: Uuid, name: String) -> Result<CloudRecord, StoreError> {
+        let store = self.clone();
+        detached(async move {
+            let mut transaction = store.write().await?;
+            sqlx::query("UPDATE clouds SET name = ?2 WHERE id = ?1 AND name IS NULL")
+                .bind(id)
+                .bind(name)
+                .execute(&mut *transaction)
+                .await?;
+            let cloud = cloud_with_id(&mut transaction, id).await?;
+            transaction.commit().await?;
+            Ok(cloud)
+        })
+        .await
+    }
+
     /// A cloud's record.
     ///
     /// # Errors

@@ -110,7 +110,7 @@ impl Store {
         .await
     }
 
-    /// Deletes a terminal job with its result; asks a live one to cancel and returns false.
+    /// Deletes a job with its result, true; one that runs is asked to cancel and goes when its attempt ends, false.
     ///
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Database`].
@@ -118,12 +118,14 @@ impl Store {
         let store = self.clone();
         detached(async move {
             let mut transaction = store.write().await?;
+            store.mark_canceled(&mut transaction, id).await?;
             let terminal = job_with_id(&mut transaction, id).await?.state.is_terminal();
-            if terminal {
-                sqlx::query("DELETE FROM jobs WHERE id = ?1").bind(id).execute(&mut *transaction).await?;
+            let statement = if terminal {
+                "DELETE FROM jobs WHERE id = ?1"
             } else {
-                store.mark_canceled(&mut transaction, id).await?;
-            }
+                "UPDATE jobs SET delete_requested = 1 WHERE id = ?1"
+            };
+            sqlx::query(statement).bind(id).execute(&mut *transaction).await?;
             transaction.commit().await?;
             store.announce();
             Ok(terminal)

@@ -26,6 +26,8 @@ pub struct CloudRecord {
     pub id: Uuid,
     /// Whose it is.
     pub owner: Owner,
+    /// What its file was called, if the client said.
+    pub name: Option<String>,
     /// When it was stored.
     pub created: Milliseconds,
     /// SHA-256, hex, of coordinates, fields and faces: the same content has the same digest, whatever the format.
@@ -92,6 +94,8 @@ pub struct JobRecord {
     pub id: Uuid,
     /// The cloud it analyses.
     pub cloud_id: Uuid,
+    /// What the cloud's file was called.
+    pub cloud_name: Option<String>,
     /// Rows of that cloud.
     pub points: u64,
     /// What it computes.

@@ -17,7 +17,7 @@ macro_rules! select_jobs {
     ($report:literal) => {
         concat!(
             "SELECT j.id, j.cloud_id, j.created, j.kind, j.parameters, j.state, j.phase, j.progress, j.phase_seconds, \
-             j.memory, j.chunk_points, j.attempt, j.cancel_requested, j.started, j.finished, j.failure, c.points, ",
+             j.memory, j.chunk_points, j.attempt, j.cancel_requested, j.started, j.finished, j.failure, c.points, c.name AS cloud_name, ",
             $report,
             " AS report, CASE j.state WHEN 'queued' THEN \
              (SELECT count(*) FROM jobs q WHERE q.state = 'queued' AND q.id < j.id) END AS queue_position \
@@ -51,6 +51,7 @@ pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
     Ok(CloudRecord {
         id: row.try_get("id")?,
         owner: Owner::named(row.try_get("owner")?),
+        name: row.try_get("name")?,
         created: row.try_get("created")?,
         digest: hex(row.try_get("digest")?),
         points: count(row, "points")?,
@@ -75,6 +76,7 @@ pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
     Ok(JobRecord {
         id: row.try_get("id")?,
         cloud_id: row.try_get("cloud_id")?,
+        cloud_name: row.try_get("cloud_name")?,
         points: count(row, "points")?,
         kind: from_word(row.try_get("kind")?)?,
         state,

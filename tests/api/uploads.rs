@@ -5,7 +5,7 @@ use reqwest::multipart::{Form, Part};
 use reqwest::{Method, StatusCode};
 use serde_json::Value;
 
-use crate::service::{Service, file, sphere};
+use crate::service::{Service, file, problem, sphere};
 
 #[tokio::test]
 async fn every_format_is_told_from_its_bytes() {
@@ -132,4 +132,33 @@ async fn the_longest_ply_is_streamed_whole_and_in_parts() {
         parts.extend(part.bytes().await.unwrap());
     }
     assert_eq!(parts, whole);
+}
+
+#[tokio::test]
+async fn a_cloud_is_called_like_its_file() {
+    let service = Service::start().await;
+    let put = async |path: &str, points: usize| {
+        let request = service.client.put(service.url(path)).body(file(&sphere(points), Format::Ply));
+        request.send().await.unwrap().json::<Value>().await.unwrap()
+    };
+    assert_eq!(put("/clouds/statue.ply?analyze=false", 50).await["cloud"]["name"], "statue.ply");
+    assert_eq!(put("/clouds/a%2Fb.ply?analyze=false&name=the%20bust", 60).await["cloud"]["name"], "the bust");
+    assert_eq!(put("/clouds?analyze=false", 70).await["cloud"]["name"], Value::Null);
+    let part = reqwest::multipart::Part::bytes(file(&sphere(80), Format::Ply)).file_name("folder/head.ply");
+    let form = reqwest::multipart::Form::new().part("file", part);
+    let sent = service.client.post(service.url("/clouds?bases=3")).multipart(form).send().await.unwrap();
+    let sent: Value = sent.json().await.unwrap();
+    assert_eq!(
+        (&sent["cloud"]["name"], &sent["job"]["cloud_name"]),
+        (&"head.ply".into(), &"head.ply".into())
+    );
+    // The same content keeps its name; content without one takes the next.
+    assert_eq!(put("/clouds/other.ply?analyze=false", 50).await["cloud"]["name"], "statue.ply");
+    assert_eq!(put("/clouds/late.ply?analyze=false", 70).await["cloud"]["name"], "late.ply");
+    let listed = service.json("/clouds").await;
+    let names: Vec<_> = listed["clouds"].as_array().unwrap().iter().map(|cloud| &cloud["name"]).collect();
+    assert_eq!(names, ["head.ply", "late.ply", "the bust", "statue.ply"]);
+    assert_eq!(service.json("/jobs").await["jobs"][0]["cloud_name"], "head.ply");
+    let refused = service.post("/clouds?name=a%0ab", file(&sphere(90), Format::Ply)).await;
+    problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;
 }

@@ -51,6 +51,7 @@ struct Job {
     leases: i64,
     lease_until: Milliseconds,
     cancel: bool,
+    deleting: bool,
 }
 
 impl Job {
@@ -88,6 +89,7 @@ impl Model {
                 job.give_up();
             }
         }
+        self.delete_ended();
         let job = self.jobs.iter_mut().find(|job| job.state == JobState::Queued)?;
         job.state = JobState::Running;
         job.attempt += 1;
@@ -101,6 +103,11 @@ impl Model {
             job.id == claim.job.id && job.leases == claim.lease && job.state == JobState::Running
         };
         self.jobs.iter_mut().find(held)
+    }
+
+    /// What was to be deleted at its end is gone then.
+    fn delete_ended(&mut self) {
+        self.jobs.retain(|job| !(job.deleting && job.state.is_terminal()));
     }
 }
 
@@ -167,11 +174,13 @@ impl Pair {
             Step::Delete(index) => {
                 let Some(job) = pick(&self.model.jobs, index) else { return };
                 let deleted = self.store.delete_job(job.id).await.unwrap();
-                assert_eq!(deleted, job.state.is_terminal());
+                assert_eq!(deleted, job.state != JobState::Running);
                 if deleted {
                     self.model.jobs.retain(|other| other.id != job.id);
                 } else {
                     self.cancel(job.id);
+                    let running = self.model.jobs.iter_mut().filter(|other| other.id == job.id);
+                    running.for_each(|job| job.deleting = true);
                 }
             }
             Step::Advance(by) => self.stage.advance(by),
@@ -187,6 +196,7 @@ impl Pair {
                 }
             }
         }
+        self.model.delete_ended();
     }
 
     async fn submit(&mut self, seed: u32, bases: usize) {
@@ -208,6 +218,7 @@ impl Pair {
                 leases: 0,
                 lease_until: 0,
                 cancel: false,
+                deleting: false,
             });
         }
     }

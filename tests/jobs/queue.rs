@@ -235,7 +235,7 @@ async fn the_database_itself_refuses_the_same_analysis_twice_and_a_result_after_
 }
 
 #[tokio::test]
-async fn deleting_a_live_job_asks_it_to_end_and_deleting_an_ended_one_deletes_it() {
+async fn deleting_a_running_job_asks_it_to_end_and_it_goes_then_and_any_other_goes_at_once() {
     let stage = Stage::new();
     let store = stage.open().await;
     let done = succeeded(&store, 20, 2).await;
@@ -248,12 +248,13 @@ async fn deleting_a_live_job_asks_it_to_end_and_deleting_an_ended_one_deletes_it
     assert!(matches!(store.delete_job(done).await, Err(StoreError::NotFound)));
     assert_eq!(stage.number("SELECT count(*) FROM basis_chunks").await, 0);
 
-    assert!(!store.delete_job(queued.id).await.unwrap());
-    assert_eq!(store.job(queued.id).await.unwrap().state, JobState::Canceled);
+    assert!(store.delete_job(queued.id).await.unwrap());
+    assert!(matches!(store.job(queued.id).await, Err(StoreError::NotFound)));
     assert!(!store.delete_job(running.id).await.unwrap());
     assert_eq!(store.pulse(&claim).await.unwrap(), Heartbeat::Cancel);
+    assert!(store.job(running.id).await.is_ok(), "until it has ended");
     store.cancel_claimed(&claim).await.unwrap();
-    assert!(store.delete_job(running.id).await.unwrap());
+    assert!(matches!(store.job(running.id).await, Err(StoreError::NotFound)));
 }
 
 #[tokio::test]

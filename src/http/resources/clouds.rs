@@ -27,6 +27,8 @@ arguments!(
 pub(crate) struct CloudSummary {
     /// Its id.
     id: Uuid,
+    /// What its file was called; null when the upload did not say.
+    name: Option<String>,
     /// When it was stored, RFC 3339.
     #[schema(format = DateTime)]
     created: String,
@@ -81,6 +83,7 @@ impl From<&CloudRecord> for CloudSummary {
         let path = format!("/clouds/{}", cloud.id);
         Self {
             id: cloud.id,
+            name: cloud.name.clone(),
             created: timestamp(cloud.created),
             digest: cloud.digest.clone(),
             points: cloud.points,

@@ -58,8 +58,10 @@ arguments!(
 pub(crate) struct JobView {
     /// Its id.
     id: Uuid,
-    /// The cloud it analyses.
+    /// The cloud it analyzes.
     cloud_id: Uuid,
+    /// What the cloud's file was called; null when the upload did not say.
+    cloud_name: Option<String>,
     /// What it computes.
     kind: JobKind,
     /// Where it is in its life.
@@ -105,6 +107,7 @@ impl JobView {
         Self {
             id: job.id,
             cloud_id: job.cloud_id,
+            cloud_name: job.cloud_name.clone(),
             kind: job.kind,
             state: job.state,
             phase: job.phase,
@@ -287,7 +290,7 @@ pub(crate) async fn cancel(
 
 /// Deletes a job with its results.
 ///
-/// A job that is not at its end is asked to cancel instead (202); delete it again then.
+/// A queued job goes at once. One that runs is asked to cancel, and goes when its attempt ends, within a second or so (202).
 #[utoipa::path(
     delete,
     path = "/jobs/{id}",
@@ -296,7 +299,7 @@ pub(crate) async fn cancel(
     params(("id" = Uuid, Path, description = "The job.")),
     responses(
         (status = 204, description = "Deleted."),
-        (status = 202, description = "It was asked to cancel; delete it again once it has ended.", body = JobView),
+        (status = 202, description = "It was asked to cancel, and goes when it has ended.", body = JobView),
         (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
     )

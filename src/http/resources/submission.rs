@@ -70,12 +70,23 @@ pub(crate) const UPLOAD: &[Argument] = &[
     },
 ];
 
+/// What the cloud is called in listings.
+const NAME: &[Argument] = &[Argument {
+    name: "name",
+    alias: Some("file_name"),
+    accepts: Accepts::Text,
+    default: "that of the file: the end of the path, or of the part of a multipart body",
+    meaning: "Name of the cloud in listings, 200 characters at most. Content that is there already keeps its name.",
+}];
+/// Characters of a name.
+const NAME_LENGTH_MAX: usize = 200;
+
 /// JSON of `POST /clouds/{id}/jobs` is small.
 const JOB_BYTES_MAX: usize = 64 << 10;
 
 arguments!(
     /// Query of `POST /clouds`.
-    SubmitCloud = UPLOAD, KIND, PARAMETERS
+    SubmitCloud = UPLOAD, NAME, KIND, PARAMETERS
 );
 
 /// What a submission came to.
@@ -200,7 +211,10 @@ pub(crate) async fn post_job(
     uri: Uri,
     request: Request,
 ) -> Result<Response, Problem> {
-    Nothing::read(&uri)?;
+    Nothing::read(&uri).map_err(|_| {
+        let told = "the query has no parameters here; those of a job are sent as JSON: curl -d '{\"bases\": 50}' URL";
+        Problem::new(Kind::UnknownParameter, told)
+    })?;
     let id = parse_id(&id)?;
     let owner = owners::owner(request.extensions());
     let (wait, headers) = (preferred_wait(request.headers()), request.headers().clone());
@@ -256,11 +270,12 @@ fn job_arguments(bytes: &[u8]) -> Result<Arguments, Problem> {
     if bytes.trim_ascii().is_empty() {
         return Ok(Arguments::default());
     }
-    let json: Value =
-        serde_json::from_slice(bytes).map_err(|error| malformed(format!("the body is no JSON: {error}")))?;
+    let json: Value = serde_json::from_slice(bytes).map_err(|error| {
+        malformed(format!("the body is not JSON ({error}); send parameters as in {{\"bases\": 50}}"))
+    })?;
     let Value::Object(object) = json else {
         return Err(malformed(
-            "the body is no JSON object; send parameters as in {\"bases\": 50}".to_owned(),
+            "the body is not a JSON object; send parameters as in {\"bases\": 50}".to_owned(),
         ));
     };
     Arguments::from_json(object, &[KIND, PARAMETERS])
@@ -282,6 +297,7 @@ async fn receive(
     if let Some(answered) = replayed(service, &owner, key.as_ref(), wait).await? {
         return Ok(answered);
     }
+    let name = name(arguments.word("name"), upload.file_name.as_deref())?;
     let format = upload.format(arguments.word("format").and_then(Format::from_name))?;
     let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
     let options = ReadOptions {
@@ -292,9 +308,39 @@ async fn receive(
     };
     let wanted = job.clone();
     let cloud = service.compute.run(move || read(upload, format, &options, wanted.as_ref())).await??;
-    let submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
+    let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
+    if let (Some(name), None) = (name, &submitted.cloud.name) {
+        submitted.cloud = service.store.name_cloud(submitted.cloud.id, name).await?;
+        if let Some(job) = &mut submitted.job {
+            job.cloud_name.clone_from(&submitted.cloud.name);
+        }
+    }
     remember(service, &owner, key.as_ref(), &submitted).await?;
     answer(service, submitted, wait).await
+}
+
+/// The name that is asked for, else that of the file without folders.
+///
+/// # Errors
+/// A problem: too long, or with characters that cannot be shown.
+fn name(asked: Option<&str>, file: Option<&str>) -> Result<Option<String>, Problem> {
+    let is_shown = |name: &str| {
+        !name.is_empty()
+            && name.chars().count() <= NAME_LENGTH_MAX
+            && !name.contains(|c: char| c.is_control())
+    };
+    match asked {
+        Some(name) if is_shown(name) => Ok(Some(name.to_owned())),
+        Some(_) => Err(Problem::new(
+            Kind::InvalidParameter,
+            format!("`name` is 1 to {NAME_LENGTH_MAX} characters that can be shown"),
+        )
+        .with("parameter", "name")),
+        None => Ok(file
+            .and_then(|file| file.rsplit(['/', '\\']).next())
+            .filter(|name| is_shown(name))
+            .map(str::to_owned)),
+    }
 }
 
 /// Parses and admits, on a compute thread.
@@ -330,7 +376,18 @@ async fn answer(
     let Submitted { cloud, mut job, cloud_created, job_created } = submitted;
     if job_created {
         // In the request's span: the log joins request and job.
-        tracing::info!(job = ?job.as_ref().map(|job| job.id), cloud = %cloud.id, "job queued");
+        if let Some(job) = &job {
+            tracing::info!(
+                job = %job.id,
+                cloud = %cloud.id,
+                owner = cloud.owner.name(),
+                operator = job.parameters.operator.name(),
+                kind = if job.kind == JobKind::Eigen { "eigen" } else { "operator" },
+                bases = job.parameters.bases,
+                points = cloud.points,
+                "job queued"
+            );
+        }
         service.jobs.wake();
     }
     if let (Some(wait), Some(queued)) = (wait, &job) {
