@@ -1,31 +1,38 @@
-//! Reads the command line and runs a command. Without one, the service is started.
+//! Reads the command line and runs a command.
 
 mod analyze;
 mod backup;
 mod completions;
 mod demo;
+mod environment;
 mod harmonics;
 mod health;
 mod input;
+mod interrupt;
+mod keys;
 mod output;
+mod reporting;
 mod reproduce;
 mod sample;
 mod serve;
+mod usage;
 
 use std::ffi::OsString;
 use std::future::Future;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use signal_hook::consts::SIGPIPE;
 
 /// What a caller's script may rely on.
 const EXIT_CODES: &str = "\
 Exit codes:
   0  done
-  1  something failed that the caller cannot mend: the disk, the database, numerics; or a signal ended it
-  2  the call is wrong: a flag, a parameter, or a file that cannot be read or analysed; nothing was written
+  1  something failed that the caller cannot mend: the disk, the database, numerics
+  2  the call is wrong: a flag, a parameter, or a file that cannot be read or analyzed; nothing was written
+A command that Ctrl-C or another signal ends dies of that signal, so that loops of a shell stop.
 
-Without a command the service is started.";
+`chladni serve` starts the service; `-` is standard input or output where a file is expected.";
 
 /// Spectral geometry of scanned surfaces: Laplace-Beltrami operators and manifold harmonics of point clouds.
 #[derive(Debug, Parser)]
@@ -37,7 +44,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Serve the HTTP interface (the default command)
+    /// Serve the HTTP interface
     Serve(serve::ServeArgs),
     /// Show what the service does, on a synthetic scan
     Demo(demo::DemoArgs),
@@ -65,6 +72,8 @@ enum Command {
     Sample(sample::SampleArgs),
     /// Reproduce the tables and figures of the papers and compare
     Reproduce(reproduce::ReproduceArgs),
+    /// Keep the file of API keys: add, list, rotate, revoke
+    Keys(keys::KeysArgs),
     /// Copy the database into a new file while the service goes on
     Backup(backup::BackupArgs),
     /// Ask a running service whether it is alive; exits 0 if so
@@ -82,6 +91,9 @@ pub(crate) enum Failure {
     /// Anything else: exit code 1.
     #[error("{0}")]
     Other(String),
+    /// A signal broke it off; the process is to die of it.
+    #[error("canceled")]
+    Signal(i32),
 }
 
 impl Failure {
@@ -97,6 +109,8 @@ impl Failure {
         match self {
             Self::Input(_) => 2,
             Self::Other(_) => 1,
+            // As shells tell a death by a signal.
+            Self::Signal(signal) => 128 + u8::try_from(*signal).unwrap_or(127),
         }
     }
 }
@@ -111,9 +125,13 @@ pub fn main() -> ExitCode {
 #[allow(clippy::print_stderr)] // errors of commands go there
 #[must_use]
 pub fn run(arguments: Vec<OsString>) -> u8 {
-    let cli = Cli::parse_from(with_command(arguments));
+    let cli = match usage::read(arguments) {
+        Ok(cli) => cli,
+        Err(code) => return code,
+    };
     let result = match cli.command {
         Command::Serve(args) => block_on(serve::run(args)),
+        Command::Keys(args) => keys::run(&args),
         Command::Backup(args) => backup::run(&args),
         Command::Demo(args) => block_on(demo::run(args)),
         Command::Analyze(args) => analyze::run(&args),
@@ -134,24 +152,16 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
     match result {
         Ok(()) => 0,
         Err(failure) => {
-            eprintln!("chladni: error: {failure}");
+            // A reader that closed its end of a pipe has seen enough.
+            if !matches!(failure, Failure::Signal(SIGPIPE)) {
+                eprintln!("chladni: error: {failure}");
+            }
+            if let Failure::Signal(signal) = failure {
+                interrupt::die_of(signal);
+            }
             failure.exit_code()
         }
     }
-}
-
-/// Puts `serve` in where no command is named: `chladni --listen …` serves.
-fn with_command(mut arguments: Vec<OsString>) -> Vec<OsString> {
-    let first = arguments.get(1).and_then(|argument| argument.to_str());
-    let serves = match first {
-        None => arguments.len() < 2,
-        Some("-h" | "--help" | "-V" | "--version") => false,
-        Some(first) => first.starts_with('-'),
-    };
-    if serves {
-        arguments.insert(1.min(arguments.len()), "serve".into());
-    }
-    arguments
 }
 
 fn block_on<E: std::fmt::Display>(command: impl Future<Output = Result<(), E>>) -> Result<(), Failure> {
@@ -164,24 +174,6 @@ mod tests {
     use clap::CommandFactory;
 
     use super::*;
-
-    fn completed(words: &[&str]) -> Vec<OsString> {
-        with_command(words.iter().map(OsString::from).collect())
-    }
-
-    #[test]
-    fn the_service_starts_when_no_command_is_named() {
-        assert_eq!(completed(&["chladni"]), ["chladni", "serve"]);
-        assert_eq!(
-            completed(&["chladni", "--listen", "[::1]:9"]),
-            ["chladni", "serve", "--listen", "[::1]:9"]
-        );
-        for words in
-            [&["chladni", "sample"][..], &["chladni", "--help"], &["chladni", "-V"], &["chladni", "srve"]]
-        {
-            assert_eq!(completed(words), words);
-        }
-    }
 
     #[test]
     fn the_command_line_is_well_formed() {

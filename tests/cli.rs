@@ -208,7 +208,10 @@ fn a_directory_that_is_not_empty_is_overwritten_only_by_force() {
 
 #[cfg(unix)]
 #[rstest]
-fn a_signal_cancels_and_leaves_nothing_behind(#[values("INT", "TERM")] signal: &str) {
+fn a_signal_cancels_leaves_nothing_behind_and_is_what_the_process_dies_of(
+    #[values(("INT", 2), ("TERM", 15), ("HUP", 1))] (signal, number): (&str, i32),
+) {
+    use std::os::unix::process::ExitStatusExt;
     let folder = tempdir().unwrap();
     succeeded(&chladni(&folder, "sample sphere --points 60000 -o a.ply"));
     let mut child = command(&folder, "analyze a.ply -k 100 -o out")
@@ -220,7 +223,7 @@ fn a_signal_cancels_and_leaves_nothing_behind(#[values("INT", "TERM")] signal: &
     assert!(lines.any(|line| line == "neighborhoods"));
     assert!(Command::new("kill").args(["-s", signal, &child.id().to_string()]).status().unwrap().success());
     let rest: Vec<String> = lines.collect();
-    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert_eq!(child.wait().unwrap().signal(), Some(number), "shells stop a loop then");
     assert_eq!(rest.last().map(String::as_str), Some("chladni: error: canceled"), "{rest:?}");
     assert_eq!(names(folder.path()), ["a.ply"]);
 }
@@ -298,7 +301,7 @@ fn pictures_are_drawn_of_clouds_bases_fields_and_feature_points_and_spectra_are_
 fn a_completion_script_names_every_command() {
     let folder = tempdir().unwrap();
     let help = succeeded(&chladni(&folder, "--help"));
-    assert!(help.contains("Exit codes:") && help.contains("Without a command the service is started."));
+    assert!(help.contains("Exit codes:") && help.contains("`chladni serve` starts the service"));
     let commands =
         help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
     let commands: Vec<&str> = commands.filter_map(|line| line.split_whitespace().next()).collect();
@@ -334,14 +337,167 @@ fn every_command_and_every_flag_is_explained() {
     }
 }
 
+#[test]
+fn the_program_by_itself_shows_its_help_and_starts_nothing() {
+    let folder = tempdir().unwrap();
+    let help = succeeded(&chladni(&folder, ""));
+    assert!(help.contains("Usage: chladni <COMMAND>") && help.contains("analyze"), "{help}");
+    assert!(names(folder.path()).is_empty());
+    assert_eq!(help, succeeded(&chladni(&folder, "help --help")));
+}
+
+#[test]
+fn another_seed_is_another_sample() {
+    let folder = tempdir().unwrap();
+    for shape in ["sphere", "torus", "square", "flat-torus-6", "two-hole-torus"] {
+        let files: Vec<_> = [0, 1, 2, 1]
+            .map(|seed| {
+                let told = chladni(&folder, &format!("sample {shape} -n 200 --seed {seed} -o a.npy"));
+                assert!(succeeded(&told).contains(&format!("seed {seed}")));
+                fs::read(folder.path().join("a.npy")).unwrap()
+            })
+            .into();
+        assert!(files[0] != files[1] && files[1] != files[2] && files[1] == files[3], "{shape}");
+    }
+}
+
+/// The output of a command that is given `input`.
+fn fed(folder: &TempDir, arguments: &str, input: Vec<u8>) -> Output {
+    let mut child = command(folder, arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || std::io::Write::write_all(&mut stdin, &input));
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap().unwrap();
+    output
+}
+
+#[test]
+fn commands_read_standard_input_and_write_standard_output() {
+    let folder = tempdir().unwrap();
+    let sample = chladni(&folder, "sample sphere -n 400 --seed 3 -o - --output-format npy");
+    assert!(sample.status.success() && sample.stdout.starts_with(b"\x93NUMPY"));
+    assert!(String::from_utf8_lossy(&sample.stderr).contains("standard output: 400 points"));
+    succeeded(&fed(&folder, "analyze - -k 8 --threads 1 -o out", sample.stdout));
+    let ply = chladni(&folder, "filter out --cutoff 4 -o - --output-format ply --quiet");
+    assert!(ply.status.success() && ply.stdout.starts_with(b"ply\n") && ply.stderr.is_empty());
+    assert_eq!(read(&ply.stdout, Format::Ply, &ReadOptions::default()).unwrap().len(), 400);
+    let coefficients = succeeded(&chladni(&folder, "coefficients out"));
+    succeeded(&fed(
+        &folder,
+        "synthesis out - -o back.npy",
+        succeeded_bytes("coefficients out -o - --output-format npy", &folder),
+    ));
+    assert!(serde_json::from_str::<serde_json::Value>(&coefficients).unwrap()["fields"]["z"].is_array());
+    for (arguments, begins) in [
+        ("signatures out -o -", "{\"kind\":\"hks\""),
+        ("features out", "{\"points\":400"),
+        ("render out -o - --output-format svg", "<svg"),
+    ] {
+        assert!(succeeded(&chladni(&folder, arguments)).starts_with(begins), "{arguments}");
+    }
+    let empty = fed(&folder, "analyze - -o none", Vec::new());
+    assert!(failed(&empty).1.contains("standard input"), "{empty:?}");
+}
+
+fn succeeded_bytes(arguments: &str, folder: &TempDir) -> Vec<u8> {
+    let output = chladni(folder, arguments);
+    assert!(output.status.success(), "{output:?}");
+    output.stdout
+}
+
+#[test]
+fn what_was_done_is_told_as_json_or_not_at_all() {
+    let folder = tempdir().unwrap();
+    let json = |arguments: &str| -> serde_json::Value {
+        serde_json::from_str(&succeeded(&chladni(&folder, arguments))).unwrap()
+    };
+    let told = json("sample sphere -n 400 -o a.npy --json");
+    assert_eq!(
+        (&told["file"], &told["points"], &told["shape"]),
+        (&"a.npy".into(), &400.into(), &"sphere".into())
+    );
+    let told = json("analyze a.npy -k 6 --threads 1 -o out --json");
+    assert_eq!(told["eigenvalues"].as_array().unwrap().len(), 6);
+    assert!(told["seconds"]["total"].is_f64() && told["files"].as_array().unwrap().len() == 5, "{told}");
+    assert_eq!(json("signatures out --count 3 -o s.npy --json")["scales"], 3);
+
+    let quiet = chladni(&folder, "analyze a.npy -k 6 --threads 1 -o again --quiet");
+    assert!(quiet.status.success() && quiet.stdout.is_empty() && quiet.stderr.is_empty(), "{quiet:?}");
+    let quiet = chladni(&folder, "sample sphere -n 40 -o b.npy -q");
+    assert!(quiet.status.success() && quiet.stdout.is_empty() && quiet.stderr.is_empty(), "{quiet:?}");
+}
+
+#[test]
+fn a_wrong_value_is_told_with_its_flag_and_its_variable() {
+    let folder = tempdir().unwrap();
+    let refused = |arguments: &str, variables: &[(&str, &str)]| {
+        let output = command(&folder, arguments).envs(variables.iter().copied()).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let told = refused("serve", &[("CHLADNI_JOBS_AT_ONCE", "abc")]);
+    assert!(told.contains("--jobs-at-once") && told.contains("a whole number from 0 is expected"), "{told}");
+    assert!(told.contains("comes from the environment variable CHLADNI_JOBS_AT_ONCE"), "{told}");
+    let told = refused("serve --max-body 1X", &[]);
+    assert!(
+        told.contains("--max-body") && told.contains("not a size; 1073741824, 500MB, 8G and 1GiB are"),
+        "{told}"
+    );
+    assert!(told.contains("CHLADNI_MAX_BODY sets --max-body too"), "{told}");
+    let told = refused("serve --listen nowhere", &[]);
+    assert!(told.contains("not an address; 127.0.0.1:8080, localhost:8080 and 8080 are"), "{told}");
+    let told = refused("analyze a.ply -o out --bases -3", &[]);
+    assert!(told.contains("'-3' for '--bases <K>'") && told.contains("a whole number from 0"), "{told}");
+    let told = refused("analyze a.ply -o out --quite", &[]);
+    assert!(told.contains("--quiet") && !told.contains("as a value"), "{told}");
+}
+
+#[test]
+fn keys_are_added_listed_rotated_and_revoked() {
+    let folder = tempdir().unwrap();
+    let key = succeeded(&chladni(&folder, "keys add lab"));
+    let other = succeeded(&chladni(&folder, "keys rotate lab"));
+    assert!(key.trim().len() == 64 && key != other);
+    let listed = succeeded(&chladni(&folder, "keys list"));
+    assert!(listed.lines().count() == 2 && listed.lines().all(|line| line.ends_with("  lab")), "{listed}");
+    assert!(!listed.contains(key.trim()), "keys are not shown again");
+    succeeded(&chladni(&folder, "keys revoke lab --older"));
+    assert_eq!(fs::read_to_string(folder.path().join("keys")).unwrap(), format!("lab {other}"));
+    for (arguments, told) in [
+        ("keys add lab", "chladni keys rotate lab"),
+        ("keys rotate nobody", "no key of `nobody`"),
+        ("keys revoke lab", "the last keys"),
+        ("keys list --api-keys missing/keys", ""),
+    ] {
+        let output = chladni(&folder, arguments);
+        if told.is_empty() {
+            assert!(succeeded(&output).is_empty(), "a file that is not there has no keys");
+        } else {
+            let (code, line) = failed(&output);
+            assert!(code == 2 && line.contains(told), "{line}");
+        }
+    }
+}
+
 #[rstest]
 #[case("render out --basis 10 -o a.png", "bases 0 to 9")]
 #[case("render sphere.npy --basis 1 -o a.png", "sphere.npy is a file")]
 #[case("render sphere.npy --field red -o a.png", "--field red")]
-#[case("render out -o a.gif", "png (a picture) and svg")]
+#[case("render out -o a.gif", "png, svg are possible")]
 #[case("render operator -o a.svg", "without a spectrum")]
 #[case("filter out -o f.txt", "f.txt: the extension chooses the format; ply, npy, json")]
-#[case("filter nowhere -o f.ply", "nowhere/report.json")]
+#[case("filter nowhere -o f.ply", "there is no directory nowhere")]
+#[case(
+    "filter sphere.npy -o f.ply",
+    "sphere.npy is a file; a directory that `chladni analyze sphere.npy -o DIR` fills"
+)]
+#[case("render sphere.npy -o a.svg", "sphere.npy is a file; a directory")]
+#[case("filter out -o - --output-format xyz", "--output-format xyz: ply, npy, json are possible")]
 #[case("filter out --cutoff 11 -o f.ply", "up to 10")]
 #[case("filter out --filter heat -o f.ply", "`time` or `cutoff` is needed")]
 #[case("filter out --field red -o f.ply", "no field `red`")]

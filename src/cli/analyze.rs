@@ -5,19 +5,22 @@ mod run;
 mod summary;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
 use chladni::cloud::reader::read_columns;
 use chladni::operator::{Distance, OperatorKind, Parameterization};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use super::input::CloudArgs;
+use super::input::{self, CloudArgs};
+use super::interrupt::Interrupt;
+use super::reporting::Reporting;
 use super::{Failure, output};
 
 /// Analyse a point cloud and write the results into a directory.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AnalyzeArgs {
-    /// Point cloud: PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57
+    /// Point cloud: PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57; `-` reads standard input
     cloud: PathBuf,
 
     /// Directory for the results
@@ -42,6 +45,9 @@ pub(crate) struct AnalyzeArgs {
     /// Threads that compute, 0 for one per processor
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
+
+    #[command(flatten)]
+    reporting: Reporting,
 
     #[command(flatten)]
     parameters: ParameterArgs,
@@ -180,12 +186,25 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<(), Failure> {
     parameters.check().map_err(Failure::input)?;
     let kind = kind(args)?;
     let directory = output::Directory::prepare(&args.output, args.force)?;
+    let watch = run::Watch::new(args.reporting.quiet);
+    let interrupt = Interrupt::cancels(Arc::clone(&watch.progress))?;
+    interrupt.outcome(analyze_into(directory, args, kind, &parameters, &watch))
+}
+
+/// The directory is gone when this ends early.
+fn analyze_into(
+    directory: output::Directory,
+    args: &AnalyzeArgs,
+    kind: JobKind,
+    parameters: &Parameters,
+    watch: &run::Watch,
+) -> Result<(), Failure> {
     let cloud = args.reading.read(&args.cloud)?;
     let functions = args.apply.as_deref().map(|path| functions(path, cloud.len())).transpose()?;
-    analysis::admit(&cloud, &parameters).map_err(|error| of_analysis(&error))?;
-    let ran = run::with_progress(&cloud, kind, &parameters, args.threads)?;
+    analysis::admit(&cloud, parameters).map_err(|error| of_analysis(&error))?;
+    let ran = run::with_progress(&cloud, kind, parameters, args.threads, watch)?;
     let files = results::write(directory, &cloud, kind, functions.as_deref(), &ran)?;
-    summary::print(&ran, &files);
+    summary::print(&ran, &files, args.reporting);
     Ok(())
 }
 
@@ -204,7 +223,7 @@ fn kind(args: &AnalyzeArgs) -> Result<JobKind, Failure> {
 /// One value per row of the cloud for every function.
 fn functions(path: &Path, rows: usize) -> Result<Vec<Vec<f64>>, Failure> {
     let shown = path.display();
-    let bytes = std::fs::read(path).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
+    let bytes = input::bytes(path)?;
     let columns = read_columns(&bytes).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
     match columns.first() {
         Some(column) if column.len() == rows => Ok(columns),

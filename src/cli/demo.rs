@@ -8,7 +8,7 @@ mod report;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
-use chladni::app::{App, Settings, StartError, told_to_stop};
+use chladni::app::{App, Settings, StartError, address, told_to_stop};
 use chladni::cloud::PointCloud;
 use chladni::cloud::reader::Format;
 use chladni::cloud::shapes::{SampleError, SampleRequest, Sampling, Shape, sample};
@@ -46,7 +46,7 @@ pub(crate) struct DemoArgs {
     bases: usize,
 
     /// Address and port; when it is taken, a free port of loopback is used.
-    #[arg(long, value_name = "ADDRESS", default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, 8080)))]
+    #[arg(long, value_name = "ADDRESS", value_parser = address, default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, 8080)))]
     listen: SocketAddr,
 }
 
@@ -146,14 +146,14 @@ async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
     let cloud = scan(args.points)?;
     let mut file = Vec::new();
     write(&cloud, Format::Ply, &mut file)?;
-    let address = app.address();
+    let served = app.address();
     eprintln!(
         "The scan: a torus with two holes, tenfold denser at one end than at the other, with noise; {} points, {} KB of PLY.",
         cloud.len(),
         file.len() >> 10
     );
-    eprintln!("PUT http://{address}/clouds?bases={}", args.bases);
-    let mut client = Client::connect(address).await?;
+    eprintln!("PUT http://{served}/clouds?bases={}", args.bases);
+    let mut client = Client::connect(served).await?;
     let path = format!("/clouds?bases={}", args.bases);
     let accepted = client.send(Method::PUT, &path, Some("application/x-ply"), file).await?;
     let accepted: Value = serde_json::from_slice(&accepted).map_err(ClientError::from)?;
@@ -162,7 +162,12 @@ async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
     let job = follow(&mut client, &id).await?;
     let spectrum = client.json(&format!("/jobs/{id}/spectrum")).await?;
     let orthogonality = report::orthogonality(&mut client, &id, cloud.len(), args.bases).await?;
-    report::print(address, &job, &spectrum, orthogonality);
+    report::print(&job, &spectrum, orthogonality);
+    if args.exit {
+        report::print_how_to_serve()
+    } else {
+        report::print_next(app.address(), &job)
+    }
     Ok(())
 }
 

@@ -8,7 +8,7 @@ mod results;
 mod shapes;
 mod transform;
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::Path;
 
 use chladni::cloud::ScalarType;
@@ -22,6 +22,7 @@ pub(crate) use render::{RenderArgs, render};
 pub(crate) use shapes::{InvariantsArgs, SimilarityArgs, invariants, similarity};
 pub(crate) use transform::{CoefficientsArgs, SynthesisArgs, coefficients, synthesis};
 
+use super::reporting::Reporting;
 use super::{Failure, output};
 use results::Results;
 
@@ -33,19 +34,44 @@ enum Output {
     Json,
 }
 
-impl Output {
-    /// The format that a file's extension names.
-    fn of(path: &Path, offered: &[Self]) -> Result<Self, Failure> {
+/// In which form results are written, and what is said of it.
+#[derive(Debug, clap::Args)]
+struct Writing {
+    /// Format in place of the one that the output's extension names; for standard output (`-`) json, or the first of the
+    /// formats where there is no json
+    #[arg(long, value_name = "FORMAT")]
+    output_format: Option<String>,
+
+    #[command(flatten)]
+    reporting: Reporting,
+}
+
+impl Writing {
+    /// Which of the named formats is asked for, or named by the file's extension.
+    fn choice<T: Copy>(&self, path: &Path, offered: &[(&str, T)]) -> Result<T, Failure> {
+        let named =
+            |wanted: &str| offered.iter().find(|(name, _)| *name == wanted).map(|(_, format)| *format);
+        let names = || offered.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+        if let Some(name) = &self.output_format {
+            return named(name)
+                .ok_or_else(|| Failure::Input(format!("--output-format {name}: {} are possible", names())));
+        }
+        if output::is_standard(path) {
+            return Ok(named("json").unwrap_or(offered[0].1));
+        }
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-        let found = offered.iter().copied().find(|format| format.name() == extension);
-        found.ok_or_else(|| {
-            let names: Vec<_> = offered.iter().map(|format| format.name()).collect();
+        named(extension).ok_or_else(|| {
             let shown = path.display();
-            Failure::Input(format!(
-                "{shown}: the extension chooses the format; {} are possible",
-                names.join(", ")
-            ))
+            Failure::Input(format!("{shown}: the extension chooses the format; {} are possible", names()))
         })
+    }
+}
+
+impl Output {
+    /// The format that is asked for, or that a file's extension names.
+    fn of(path: &Path, writing: &Writing, offered: &[Self]) -> Result<Self, Failure> {
+        let offered: Vec<_> = offered.iter().map(|format| (format.name(), *format)).collect();
+        writing.choice(path, &offered)
     }
 
     fn name(self) -> &'static str {
@@ -57,16 +83,12 @@ impl Output {
     }
 }
 
-/// Writes JSON to the file, or to standard output when none is named.
-fn write_json(value: &impl Serialize, path: Option<&Path>) -> Result<(), Failure> {
-    let write = |out: &mut dyn Write| -> io::Result<()> {
+/// Writes JSON to the file; to standard output for `-`.
+fn write_json(value: &impl Serialize, path: &Path) -> Result<(), Failure> {
+    output::write_file(path, |out| {
         serde_json::to_writer(&mut *out, value)?;
         writeln!(out)
-    };
-    match path {
-        Some(path) => output::write_file(path, |out| write(out)),
-        None => write(&mut io::stdout().lock()).map_err(Failure::other),
-    }
+    })
 }
 
 /// Writes columns as an array of rows × columns doubles; a single one, if `flat`, as an array of one axis.
@@ -79,10 +101,4 @@ fn write_npy(columns: &[Vec<f64>], flat: bool, path: &Path) -> Result<(), Failur
         out.write_all(&header)?;
         out.write_all(&encode_rows(&encoded, rows))
     })
-}
-
-/// Says what was written.
-#[allow(clippy::print_stdout)] // the command's output
-fn told(path: &Path, what: &str) {
-    println!("{}: {what}", path.display());
 }

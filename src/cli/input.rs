@@ -1,5 +1,6 @@
 //! Point clouds that commands read.
 
+use std::io::{self, Read};
 use std::path::Path;
 
 use chladni::cloud::reader::{Format, Limits, ReadOptions, read};
@@ -7,6 +8,7 @@ use chladni::cloud::{NonFinite, PointCloud};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::Failure;
+use super::output::is_standard;
 
 /// How a cloud is read.
 #[derive(Debug, clap::Args)]
@@ -39,10 +41,10 @@ fn policies() -> impl TypedValueParser<Value = NonFinite> {
 }
 
 impl CloudArgs {
-    /// Reads a file.
+    /// Reads a file; `-` is standard input.
     pub(super) fn read(&self, path: &Path) -> Result<PointCloud, Failure> {
-        let shown = path.display();
-        let bytes = std::fs::read(path).map_err(|error| Failure::Input(format!("{shown}: {error}")))?;
+        let shown = shown(path);
+        let bytes = bytes(path)?;
         let format = self.format.or_else(|| of_extension(path)).or_else(|| Format::sniff(&bytes));
         let Some(format) = format else {
             let names = Format::ALL.map(Format::name).join(", ");
@@ -59,6 +61,22 @@ impl CloudArgs {
         };
         read(&bytes, format, &options).map_err(|error| Failure::Input(format!("{shown}: {error}")))
     }
+}
+
+/// The whole of a file; of standard input for `-`.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
+    let read = if is_standard(path) {
+        let mut bytes = Vec::new();
+        io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes)
+    } else {
+        std::fs::read(path)
+    };
+    read.map_err(|error| Failure::Input(format!("{}: {error}", shown(path))))
+}
+
+/// How messages name a file.
+fn shown(path: &Path) -> String {
+    if is_standard(path) { "standard input".to_owned() } else { path.display().to_string() }
 }
 
 fn of_extension(path: &Path) -> Option<Format> {

@@ -1,16 +1,54 @@
 //! Results appear under their names when they are whole, or not at all.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Stdout, Write};
 use std::path::{Path, PathBuf};
+
+use signal_hook::consts::SIGPIPE;
 
 use super::Failure;
 
-/// Writes a file beside its place, then moves it there.
-pub(super) fn write_file(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> Result<(), Failure> {
+/// Bytes that are written at once.
+const BUFFER_BYTES: usize = 1 << 20;
+
+/// Where a command writes.
+pub(super) enum Out {
+    /// A file.
+    File(BufWriter<File>),
+    /// Standard output.
+    Standard(BufWriter<Stdout>),
+}
+
+impl Write for Out {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::File(out) => out.write(bytes),
+            Self::Standard(out) => out.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Self::File(out) => out.flush(),
+            Self::Standard(out) => out.flush(),
+        }
+    }
+}
+
+/// Whether a path stands for standard input or output.
+pub(super) fn is_standard(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+/// Writes a file beside its place, then moves it there; `-` is standard output.
+pub(super) fn write_file(path: &Path, write: impl FnOnce(&mut Out) -> io::Result<()>) -> Result<(), Failure> {
+    if is_standard(path) {
+        let mut out = Out::Standard(BufWriter::with_capacity(BUFFER_BYTES, io::stdout()));
+        return write(&mut out).and_then(|()| out.flush()).map_err(|error| match error.kind() {
+            io::ErrorKind::BrokenPipe => Failure::Signal(SIGPIPE),
+            _ => Failure::Other(format!("standard output: {error}")),
+        });
+    }
     let temporary = beside(path)?;
     let written = write_whole(&temporary, write).and_then(|()| fs::rename(&temporary, path));
     written.map_err(|error| {
@@ -20,8 +58,8 @@ pub(super) fn write_file(
     })
 }
 
-fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
-    let mut out = BufWriter::with_capacity(1 << 20, File::create(path)?);
+fn write_whole(path: &Path, write: impl FnOnce(&mut Out) -> io::Result<()>) -> io::Result<()> {
+    let mut out = Out::File(BufWriter::with_capacity(BUFFER_BYTES, File::create(path)?));
     write(&mut out)?;
     out.flush()
 }
@@ -50,7 +88,7 @@ impl Directory {
             Err(error) => return Err(Failure::Input(format!("{}: {error}", target.display()))),
         }
         let temporary = beside(target)?;
-        fs::create_dir_all(&temporary).map_err(|error| named(&temporary, &error))?;
+        fs::create_dir_all(&temporary).map_err(|error| named(target, &error))?;
         Ok(Self { target: target.to_owned(), temporary, files: Vec::new() })
     }
 
@@ -58,7 +96,7 @@ impl Directory {
     pub(super) fn write(
         &mut self,
         name: &str,
-        write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+        write: impl FnOnce(&mut Out) -> io::Result<()>,
     ) -> Result<(), Failure> {
         let path = self.temporary.join(name);
         write_whole(&path, write).map_err(|error| named(&self.target.join(name), &error))?;
@@ -90,7 +128,9 @@ impl Drop for Directory {
 
 /// A hidden name in the same directory, so that moving is renaming.
 fn beside(path: &Path) -> Result<PathBuf, Failure> {
-    let name = path.file_name().ok_or_else(|| Failure::Input(format!("{} names no file", path.display())))?;
+    let name = path
+        .file_name()
+        .ok_or_else(|| Failure::Input(format!("`{}` is not the name of a file", path.display())))?;
     let hidden = format!(".{}.{}", name.to_string_lossy(), std::process::id());
     Ok(path.with_file_name(hidden))
 }

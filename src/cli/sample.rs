@@ -7,6 +7,9 @@ use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
 use chladni::cloud::writer;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
+use serde_json::json;
+
+use super::reporting::Reporting;
 use super::{Failure, output};
 
 /// Write a sample shape with known geometry.
@@ -28,7 +31,7 @@ pub(crate) struct SampleArgs {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     noise: f64,
 
-    /// Seed of the random numbers; the same seed gives the same file
+    /// Seed of the random numbers; well spaced samples are shifted or turned by it. The same seed gives the same file
     #[arg(long, default_value_t = 0)]
     seed: u64,
 
@@ -36,9 +39,21 @@ pub(crate) struct SampleArgs {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     angle: f64,
 
-    /// File to write; its extension chooses the format: ply, obj, off, xyz, csv, npy, las or laz
+    /// File to write; its extension chooses the format: ply, obj, off, xyz, csv, npy, las or laz. `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
+
+    /// Format in place of the one that the extension names; ply for standard output
+    #[arg(long, value_name = "FORMAT", value_parser = written())]
+    output_format: Option<Format>,
+
+    #[command(flatten)]
+    reporting: Reporting,
+}
+
+fn written() -> impl TypedValueParser<Value = Format> {
+    PossibleValuesParser::new(Format::WRITTEN.map(Format::name))
+        .try_map(|name| Format::from_name(&name).ok_or("not a format"))
 }
 
 fn shapes() -> impl TypedValueParser<Value = Shape> {
@@ -52,18 +67,9 @@ fn samplings() -> impl TypedValueParser<Value = Sampling> {
 }
 
 /// Draws the sample and writes it.
-#[allow(clippy::print_stdout)] // what was written is the command's output
 pub(crate) fn run(args: &SampleArgs) -> Result<(), Failure> {
-    let &SampleArgs { shape, points, sampling, noise, seed, angle, ref output } = args;
-    let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    let format = Format::from_extension(extension).filter(|format| Format::WRITTEN.contains(format));
-    let format = format.ok_or_else(|| {
-        let names = Format::WRITTEN.map(Format::name).join(", ");
-        Failure::Input(format!(
-            "{}: the extension chooses the format; {names} are possible",
-            output.display()
-        ))
-    })?;
+    let &SampleArgs { shape, points, sampling, noise, seed, angle, ref output, .. } = args;
+    let format = format(args)?;
     if shape.ambient_dimension() > 3
         && matches!(format, Format::Obj | Format::Off | Format::Las | Format::Laz)
     {
@@ -77,13 +83,32 @@ pub(crate) fn run(args: &SampleArgs) -> Result<(), Failure> {
     let request = SampleRequest { shape, points, sampling, noise, seed, angle };
     let cloud = sample(&request).map_err(Failure::input)?;
     output::write_file(output, |out| writer::write(&cloud, format, out))?;
-    println!(
-        "{}: {} points of {} ({}, seed {seed}), {} triangles",
-        output.display(),
-        cloud.len(),
+    let (points, triangles) = (cloud.len(), cloud.faces().len());
+    let what = format!(
+        "{points} points of {} ({}, seed {seed}), {triangles} triangles",
         shape.name(),
-        sampling.name(),
-        cloud.faces().len()
+        sampling.name()
     );
+    let facts = json!({
+        "format": format.name(),
+        "shape": shape.name(),
+        "sampling": sampling.name(),
+        "seed": seed,
+        "points": points,
+        "triangles": triangles,
+    });
+    args.reporting.wrote(output, &what, facts);
     Ok(())
+}
+
+/// The format that is asked for, or that the file's extension names.
+fn format(args: &SampleArgs) -> Result<Format, Failure> {
+    let extension = args.output.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let named = Format::from_extension(extension).filter(|format| Format::WRITTEN.contains(format));
+    let default = output::is_standard(&args.output).then_some(Format::Ply);
+    args.output_format.or(named).or(default).ok_or_else(|| {
+        let names = Format::WRITTEN.map(Format::name).join(", ");
+        let shown = args.output.display();
+        Failure::Input(format!("{shown}: the extension chooses the format; {names} are possible"))
+    })
 }

@@ -3,7 +3,9 @@
 use std::io::IsTerminal;
 
 use chladni::app::{App, Settings, StartError, told_to_stop};
-use tracing_subscriber::EnvFilter;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+
+use super::environment;
 
 /// Serve the HTTP interface.
 #[derive(Debug, clap::Args)]
@@ -38,27 +40,43 @@ pub(crate) enum ServeError {
 
 /// One line per request and event; `CHLADNI_LOG` takes filters such as `debug` or `chladni::jobs=trace`.
 fn log_to_stderr(format: LogFormat) {
-    let filter = EnvFilter::try_from_env("CHLADNI_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
-    let colored = std::io::stderr().is_terminal();
+    let (filter, complaint) = environment::log_filter();
+    let colored = std::io::stderr().is_terminal() && environment::colors();
     let log =
         tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_ansi(colored);
     match format {
         LogFormat::Text => log.init(),
         LogFormat::Json => log.json().flatten_event(true).init(),
     }
+    for complaint in complaint.into_iter().chain(environment::complaints()) {
+        tracing::warn!("{complaint}");
+    }
 }
 
-/// Serves until SIGTERM or Ctrl-C.
+/// Serves until SIGTERM or Ctrl-C; SIGHUP reads the API keys again.
 ///
 /// # Errors
 /// [`ServeError`].
 #[allow(clippy::print_stdout)] // the address is the command's output
 pub(crate) async fn run(args: ServeArgs) -> Result<(), ServeError> {
     log_to_stderr(args.log_format);
+    // Before anything else: by default a process ends at this signal.
+    let mut hangups = signal(SignalKind::hangup())?;
     let app = App::start(args.settings).await?;
     let address = app.address();
     println!("chladni serves http://{address}   try: curl -T scan.ply 'http://{address}/clouds?bases=50'");
-    let told = told_to_stop().await;
+    let told = tokio::select! {
+        told = told_to_stop() => told,
+        () = reread_keys(&app, &mut hangups) => Ok(()),
+    };
     app.shutdown().await;
     Ok(told?)
+}
+
+/// Reads the keys again at every signal; never returns.
+async fn reread_keys(app: &App, hangups: &mut Signal) {
+    while hangups.recv().await.is_some() {
+        app.reread_keys().await;
+    }
+    std::future::pending().await
 }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use chladni::analysis::{Analysis, JobKind, Parameters, analyze};
 use chladni::cloud::PointCloud;
 use chladni::progress::{Phase, Progress};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
 use super::{Failure, of_analysis};
 
@@ -20,6 +20,10 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Length of the bar.
 const BAR_STEPS: u64 = 1000;
 
+/// The remaining time is told after this time, and from this part of the work on.
+const ESTIMATE_AFTER: Duration = Duration::from_secs(2);
+const ESTIMATE_FROM: f64 = 0.1;
+
 /// An analysis, and the seconds that each phase took.
 pub(super) struct Ran {
     pub(super) analysis: Analysis,
@@ -29,22 +33,37 @@ pub(super) struct Ran {
 
 type Begun = Arc<Mutex<Vec<(Phase, Instant)>>>;
 
-/// Analyses with a progress bar on the terminal, or a line per phase elsewhere. Ctrl-C and SIGTERM cancel.
+/// What notes the phases of an analysis, and cancels it.
+pub(super) struct Watch {
+    begun: Begun,
+    pub(super) progress: Arc<Progress>,
+    quiet: bool,
+}
+
+impl Watch {
+    pub(super) fn new(quiet: bool) -> Self {
+        let begun = Begun::default();
+        let progress = Arc::new(observed(&begun, quiet));
+        Self { begun, progress, quiet }
+    }
+}
+
+/// Analyzes with a progress bar on the terminal, or a line per phase elsewhere.
 pub(super) fn with_progress(
     cloud: &PointCloud,
     kind: JobKind,
     parameters: &Parameters,
     threads: usize,
+    watched: &Watch,
 ) -> Result<Ran, Failure> {
-    let begun = Begun::default();
-    let progress = Arc::new(observed(&begun));
-    cancel_when_told(Arc::clone(&progress))?;
+    let Watch { begun, progress, quiet } = watched;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK_BYTES).build();
     let pool = pool.map_err(Failure::other)?;
-    let (done, watched) = mpsc::channel::<()>();
+    let (done, ended) = mpsc::channel::<()>();
     let result = std::thread::scope(|scope| {
-        let progress = &progress;
-        scope.spawn(move || watch(progress, &watched));
+        if !quiet {
+            scope.spawn(move || watch(progress, &ended));
+        }
         // A panic is a bug in a solver; it is told in one line, like every other failure.
         std::panic::set_hook(Box::new(|_| {}));
         let result =
@@ -62,13 +81,13 @@ pub(super) fn with_progress(
             return Err(Failure::Other(format!("the computation broke off: {text}")));
         }
     };
-    Ok(Ran { analysis, seconds: seconds(&begun), progress })
+    Ok(Ran { analysis, seconds: seconds(begun), progress: Arc::clone(progress) })
 }
 
 #[allow(clippy::print_stderr)] // progress goes there, results to stdout
-fn observed(begun: &Begun) -> Progress {
+fn observed(begun: &Begun, quiet: bool) -> Progress {
     let begun = Arc::clone(begun);
-    let announces = !std::io::stderr().is_terminal();
+    let announces = !quiet && !std::io::stderr().is_terminal();
     Progress::observed(move |phase| {
         if announces {
             eprintln!("{}", phase.name());
@@ -83,47 +102,28 @@ fn seconds(begun: &Begun) -> Vec<(Phase, f64)> {
     begun.iter().zip(ends).map(|(&(phase, start), end)| (phase, (end - start).as_secs_f64())).collect()
 }
 
+/// The time that is still to come, once there is something to tell it from.
+fn remaining(elapsed: Duration, fraction: f64) -> String {
+    if elapsed < ESTIMATE_AFTER || !(ESTIMATE_FROM..1.0).contains(&fraction) {
+        return String::new();
+    }
+    let left = elapsed.mul_f64((1.0 - fraction) / fraction);
+    format!("eta {}", HumanDuration(left))
+}
+
 /// Moves the bar until the other end is dropped. Without a terminal, indicatif draws nothing.
 fn watch(progress: &Progress, done: &mpsc::Receiver<()>) {
     let bar = ProgressBar::new(BAR_STEPS);
-    if let Ok(style) = ProgressStyle::with_template("{msg:>14} [{bar:40}] {percent:>3}%  {elapsed}") {
+    if let Ok(style) = ProgressStyle::with_template("{prefix:>13} [{wide_bar}] {percent:>3}% {elapsed} {msg}")
+    {
         bar.set_style(style);
     }
+    let started = Instant::now();
     while done.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
-        bar.set_message(progress.phase().name());
-        bar.set_position((progress.fraction() * BAR_STEPS as f64) as u64);
+        let fraction = progress.fraction();
+        bar.set_prefix(progress.phase().name());
+        bar.set_message(remaining(started.elapsed(), fraction));
+        bar.set_position((fraction * BAR_STEPS as f64) as u64);
     }
     bar.finish_and_clear();
-}
-
-/// The first signal cancels in order; a second one finds the default behaviour replaced and ends at once.
-fn cancel_when_told(progress: Arc<Progress>) -> Result<(), Failure> {
-    let runtime =
-        tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(Failure::other)?;
-    std::thread::spawn(move || {
-        runtime.block_on(async {
-            if told_to_stop().await.is_ok() {
-                progress.cancel();
-            }
-            if told_to_stop().await.is_ok() {
-                std::process::exit(1);
-            }
-        });
-    });
-    Ok(())
-}
-
-#[cfg(unix)]
-async fn told_to_stop() -> std::io::Result<()> {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut terminate = signal(SignalKind::terminate())?;
-    tokio::select! {
-        told = tokio::signal::ctrl_c() => told,
-        _ = terminate.recv() => Ok(()),
-    }
-}
-
-#[cfg(not(unix))]
-async fn told_to_stop() -> std::io::Result<()> {
-    tokio::signal::ctrl_c().await
 }

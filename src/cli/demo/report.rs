@@ -52,11 +52,10 @@ fn diagonal(text: &str, rows: usize) -> Option<Vec<f64>> {
     Some(diagonal)
 }
 
-/// Prints everything.
-pub(crate) fn print(address: SocketAddr, job: &Value, spectrum: &Value, orthogonality: f64) {
+/// Prints what was found.
+pub(crate) fn print(job: &Value, spectrum: &Value, orthogonality: f64) {
     print_spectrum(spectrum);
     print_certificates(job, spectrum, orthogonality);
-    print_next(address, job["id"].as_str().unwrap_or_default(), job["cloud_id"].as_str().unwrap_or_default());
 }
 
 fn print_spectrum(spectrum: &Value) {
@@ -71,12 +70,36 @@ fn print_spectrum(spectrum: &Value) {
 }
 
 fn print_certificates(job: &Value, spectrum: &Value, orthogonality: f64) {
-    println!("\nBases fetched over HTTP: largest entry of HᵀBH − I is {orthogonality:.1e}.");
-    for name in ["certificates", "components", "area", "clusters"] {
-        if !spectrum[name].is_null() {
-            println!("{name}: {}", spectrum[name]);
-        }
+    println!("\nHow far to trust it:");
+    println!(
+        "  bases are orthonormal up to {orthogonality:.1e} (largest entry of HᵀBH − I, from the bases as served)"
+    );
+    let certificates = &spectrum["certificates"];
+    if let Some(residual) = certificates["residual"].as_f64() {
+        println!("  eigenpairs hold up to {residual:.1e} (largest relative residual)");
     }
+    match certificates["missed"].as_u64() {
+        Some(0) => println!("  no eigenvalue was missed: all below the last one were counted"),
+        Some(missed) => println!("  {missed} eigenvalues were missed"),
+        None => println!("  whether an eigenvalue was missed could not be told"),
+    }
+    println!("\nWhat it says of the shape:");
+    if let Some(components) = spectrum["components"].as_u64() {
+        let parts = if components == 1 { "it is in one piece" } else { "it is in pieces" };
+        println!("  {parts}: {components} of the eigenvalues are 0");
+    }
+    if let Some(area) = spectrum["area"]["cells"].as_f64() {
+        println!(
+            "  its area is {area:.4}, the sum of the cells around the points, in squared units of the cloud"
+        );
+    }
+    let clusters = spectrum["clusters"].as_array().map_or(0, Vec::len);
+    if clusters > 0 {
+        println!(
+            "  {clusters} groups of eigenvalues coincide: within a group the bases may be turned, as symmetry allows"
+        );
+    }
+    println!();
     if let Some(seconds) = job["phase_seconds"].as_object() {
         let phases =
             seconds.iter().map(|(phase, s)| format!("{phase} {:.2} s", s.as_f64().unwrap_or(f64::NAN)));
@@ -87,7 +110,10 @@ fn print_certificates(job: &Value, spectrum: &Value, orthogonality: f64) {
     }
 }
 
-fn print_next(address: SocketAddr, job: &str, cloud: &str) {
+/// What to ask the service that stays.
+pub(crate) fn print_next(address: SocketAddr, job: &Value) {
+    let (cloud, job) = (&job["cloud_id"], &job["id"]);
+    let (cloud, job) = (cloud.as_str().unwrap_or_default(), job.as_str().unwrap_or_default());
     println!("\nTry next:");
     for line in [
         format!("curl http://{address}/jobs/{job}"),
@@ -99,6 +125,18 @@ fn print_next(address: SocketAddr, job: &str, cloud: &str) {
         ),
         format!("curl -T your-scan.ply 'http://{address}/clouds?bases=50'"),
         format!("curl http://{address}/capabilities"),
+    ] {
+        println!("  {line}");
+    }
+}
+
+/// How to do the same with a service of one's own: that of the demo ends now.
+pub(crate) fn print_how_to_serve() {
+    println!("\nTry next, with a service of your own:");
+    for line in [
+        "chladni serve                                                      # http://127.0.0.1:8080",
+        "curl -T your-scan.ply 'http://127.0.0.1:8080/clouds?bases=50'      # answers with links to its job",
+        "chladni analyze your-scan.ply -k 50 -o results                     # or without a service",
     ] {
         println!("  {line}");
     }

@@ -7,7 +7,7 @@ use chladni::harmonics::features::{self as salient, Feature, PERSISTENCE_MIN, RA
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::{Failure, Output, Results, output, told, write_json};
+use super::{Failure, Output, Results, Writing, output, write_json};
 
 /// Find salient feature points: extrema that consecutive bases share.
 #[derive(Debug, clap::Args)]
@@ -31,17 +31,17 @@ pub(crate) struct FeaturesArgs {
     #[arg(long)]
     limit: Option<usize>,
 
-    /// File to write, json or ply; standard output, as JSON, when absent
-    #[arg(long, short, value_name = "FILE")]
-    output: Option<PathBuf>,
+    /// File to write, json or ply; standard output (`-`) when absent
+    #[arg(long, short, value_name = "FILE", default_value = "-")]
+    output: PathBuf,
+
+    #[command(flatten)]
+    writing: Writing,
 }
 
 /// Reads, looks, writes.
 pub(crate) fn features(args: &FeaturesArgs) -> Result<(), Failure> {
-    let format = match &args.output {
-        Some(path) => Output::of(path, &[Output::Json, Output::Ply])?,
-        None => Output::Json,
-    };
+    let format = Output::of(&args.output, &args.writing, &[Output::Json, Output::Ply])?;
     let results = Results::read(&args.results)?;
     let cloud = results.cloud()?;
     let radius = args.radius.unwrap_or(RADIUS_IN_EPSILON * results.report.sampling.epsilon);
@@ -58,23 +58,22 @@ pub(crate) fn features(args: &FeaturesArgs) -> Result<(), Failure> {
     let mut places = salient::features(&extrema, first, &surroundings, args.persistence);
     places.truncate(args.limit.unwrap_or(usize::MAX));
     let found: Vec<Feature> = places.iter().map(|place| place.in_cloud(&surroundings, &cloud)).collect();
-    match (&args.output, format) {
-        (Some(path), Output::Ply) => {
-            output::write_file(path, |out| std::io::Write::write_all(out, &salient::as_ply(&found, &cloud)))?;
-        }
-        (path, _) => {
-            let answer = json!({
-                "points": cloud.len(),
-                "modes": count,
-                "radius": radius,
-                "clusters": results.modes.clusters(),
-                "features": found,
-            });
-            write_json(&answer, path.as_deref())?;
-        }
+    if format == Output::Ply {
+        let ply = salient::as_ply(&found, &cloud);
+        output::write_file(&args.output, |out| std::io::Write::write_all(out, &ply))?;
+    } else {
+        let answer = json!({
+            "points": cloud.len(),
+            "modes": count,
+            "radius": radius,
+            "clusters": results.modes.clusters(),
+            "features": found,
+        });
+        write_json(&answer, &args.output)?;
     }
-    if let Some(path) = &args.output {
-        told(path, &format!("{} feature points", found.len()));
+    if !output::is_standard(&args.output) {
+        let what = format!("{} feature points", found.len());
+        args.writing.reporting.wrote(&args.output, &what, json!({ "features": found.len() }));
     }
     Ok(())
 }

@@ -7,8 +7,9 @@ use chladni::harmonics::filtered::{self, Target};
 use chladni::harmonics::functions::rows_without_result;
 use chladni::harmonics::{Filter, FilterKind, Scale, Transfer, transform};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use serde_json::json;
 
-use super::{Failure, Output, Results, output, told, write_json, write_npy};
+use super::{Failure, Output, Results, Writing, output, write_json, write_npy};
 
 /// Filter the coordinates of an analysed cloud, or some of its fields.
 #[derive(Debug, clap::Args)]
@@ -16,9 +17,12 @@ pub(crate) struct FilterArgs {
     /// Directory that `chladni analyze` filled
     results: PathBuf,
 
-    /// File to write; its extension chooses the format: ply, npy or json
+    /// File to write; its extension chooses the format: ply, npy or json; `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
+
+    #[command(flatten)]
+    writing: Writing,
 
     /// What the filter does
     #[arg(long, default_value = FilterKind::default().name(), value_parser = kinds())]
@@ -88,7 +92,7 @@ impl FilterArgs {
 
 /// Reads, filters, writes.
 pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
-    let format = Output::of(&args.output, &[Output::Ply, Output::Npy, Output::Json])?;
+    let format = Output::of(&args.output, &args.writing, &[Output::Ply, Output::Npy, Output::Json])?;
     let results = Results::read(&args.results)?;
     let (transfer, description) = if args.gains.is_empty() {
         let filter = args.filter();
@@ -111,14 +115,14 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
         Output::Json => {
             let fields: serde_json::Map<String, serde_json::Value> =
                 functions.iter().zip(columns).map(|(f, column)| (f.name.clone(), column.into())).collect();
-            let answer = serde_json::json!({
+            let answer = json!({
                 "points": cloud.len(),
                 "rows_without_result": lost,
                 "gains": transfer.gains,
                 "outside": transfer.outside,
                 "fields": fields,
             });
-            write_json(&answer, Some(&args.output))?;
+            write_json(&answer, &args.output)?;
         }
         Output::Ply => {
             let encoding = if args.ascii { PlyEncoding::Ascii } else { PlyEncoding::BinaryLittleEndian };
@@ -129,9 +133,9 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
             })?;
         }
     }
-    told(
-        &args.output,
-        &format!("{description}, {} points, {lost} of them unchanged for want of a result", cloud.len()),
-    );
+    let points = cloud.len();
+    let what = format!("{description}, {points} points, {lost} of them unchanged for want of a result");
+    let facts = json!({ "filter": description, "points": points, "rows_without_result": lost });
+    args.writing.reporting.wrote(&args.output, &what, facts);
     Ok(())
 }

@@ -6,7 +6,7 @@ use chladni::harmonics::{Distance, DistanceKind, Signature, SignatureKind};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 
-use super::{Failure, Output, Results, told, write_json, write_npy};
+use super::{Failure, Output, Results, Writing, write_json, write_npy};
 
 /// Compute heat or wave kernel signatures of every point.
 #[derive(Debug, clap::Args)]
@@ -14,9 +14,12 @@ pub(crate) struct SignaturesArgs {
     /// Directory that `chladni analyze` filled
     results: PathBuf,
 
-    /// File to write; its extension chooses the format: npy, ply or json
+    /// File to write; its extension chooses the format: npy, ply or json; `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
+
+    #[command(flatten)]
+    writing: Writing,
 
     /// Heat or wave kernel signature
     #[arg(long, default_value = "hks", value_parser = signature_kinds())]
@@ -37,9 +40,12 @@ pub(crate) struct DistancesArgs {
     /// Directory that `chladni analyze` filled
     results: PathBuf,
 
-    /// File to write; its extension chooses the format: npy, ply or json
+    /// File to write; its extension chooses the format: npy, ply or json; `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
+
+    #[command(flatten)]
+    writing: Writing,
 
     /// Row of the cloud to measure from, counting from 0
     #[arg(long, default_value_t = 0)]
@@ -68,7 +74,7 @@ const FORMATS: [Output; 3] = [Output::Npy, Output::Ply, Output::Json];
 
 /// Reads, computes, writes.
 pub(crate) fn signatures(args: &SignaturesArgs) -> Result<(), Failure> {
-    let format = Output::of(&args.output, &FORMATS)?;
+    let format = Output::of(&args.output, &args.writing, &FORMATS)?;
     let results = Results::read(&args.results)?;
     let signature =
         Signature::new(args.kind, args.count, &results.modes).ok_or_else(|| no_scale(&args.results))?;
@@ -78,7 +84,7 @@ pub(crate) fn signatures(args: &SignaturesArgs) -> Result<(), Failure> {
         Output::Npy => write_npy(&columns, false, &args.output)?,
         Output::Json => {
             let answer = json!({ "kind": args.kind, "scales": signature.scales, "values": columns });
-            write_json(&answer, Some(&args.output))?;
+            write_json(&answer, &args.output)?;
         }
         Output::Ply => {
             let names: Vec<String> =
@@ -86,13 +92,15 @@ pub(crate) fn signatures(args: &SignaturesArgs) -> Result<(), Failure> {
             results.write_ply(&names, &columns, &args.output)?;
         }
     }
-    told(&args.output, &format!("{} at {} scales", args.kind.name(), args.count));
+    let what = format!("{} at {} scales", args.kind.name(), args.count);
+    let facts = json!({ "kind": args.kind, "scales": args.count, "points": results.mass.len() });
+    args.writing.reporting.wrote(&args.output, &what, facts);
     Ok(())
 }
 
 /// Reads, computes, writes.
 pub(crate) fn distances(args: &DistancesArgs) -> Result<(), Failure> {
-    let format = Output::of(&args.output, &FORMATS)?;
+    let format = Output::of(&args.output, &args.writing, &FORMATS)?;
     if args.time.is_some_and(|time| !(time.is_finite() && time > 0.0)) {
         return Err(Failure::Input("--time: a number above 0 is expected".to_owned()));
     }
@@ -119,10 +127,12 @@ pub(crate) fn distances(args: &DistancesArgs) -> Result<(), Failure> {
                 "time": distance.time,
                 "values": columns[0],
             });
-            write_json(&answer, Some(&args.output))?;
+            write_json(&answer, &args.output)?;
         }
     }
-    told(&args.output, &format!("{} distances from row {}", args.kind.name(), args.from));
+    let what = format!("{} distances from row {}", args.kind.name(), args.from);
+    let facts = json!({ "kind": args.kind, "from": args.from, "points": rows });
+    args.writing.reporting.wrote(&args.output, &what, facts);
     Ok(())
 }
 

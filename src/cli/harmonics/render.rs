@@ -1,7 +1,7 @@
 //! `chladni render`: pictures of clouds and bases, plots of spectra.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use chladni::cloud::PointCloud;
 use chladni::harmonics::Surroundings;
@@ -9,8 +9,9 @@ use chladni::harmonics::features::{self as salient, PERSISTENCE_MIN, RADIUS_IN_E
 use chladni::picture::{Background, Paint, Picture, Spectrum, Up, View, plot_spectrum};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rayon::prelude::*;
+use serde_json::json;
 
-use super::{Failure, Results, output, results, told};
+use super::{Failure, Results, Writing, output, results};
 use crate::cli::input::CloudArgs;
 
 /// Draw a cloud, a basis, or feature points; plot a spectrum.
@@ -58,9 +59,12 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     cloud: CloudArgs,
 
-    /// File to write: png for a picture, svg for a plot of the directory's spectrum
+    /// File to write: png for a picture, svg for a plot of the directory's spectrum; `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
+
+    #[command(flatten)]
+    writing: Writing,
 }
 
 fn ups() -> impl TypedValueParser<Value = Up> {
@@ -74,16 +78,9 @@ fn backgrounds() -> impl TypedValueParser<Value = Background> {
 
 /// Reads, draws, writes.
 pub(crate) fn render(args: &RenderArgs) -> Result<(), Failure> {
-    match args.output.extension().and_then(|extension| extension.to_str()) {
-        Some("png") => picture(args),
-        Some("svg") => plot(&args.input, &args.output),
-        _ => {
-            let shown = args.output.display();
-            Err(Failure::Input(format!(
-                "{shown}: the extension chooses the format; png (a picture) and svg (a plot of the spectrum) are possible"
-            )))
-        }
-    }
+    let draw: fn(&RenderArgs) -> Result<(), Failure> =
+        args.writing.choice(&args.output, &[("png", picture as _), ("svg", plot as _)])?;
+    draw(args)
 }
 
 fn picture(args: &RenderArgs) -> Result<(), Failure> {
@@ -113,7 +110,10 @@ fn picture(args: &RenderArgs) -> Result<(), Failure> {
     let title = args.input.display().to_string();
     let bytes = picture.to_png(&title).map_err(Failure::other)?;
     output::write_file(&args.output, |out| out.write_all(&bytes))?;
-    told(&args.output, &format!("{} × {} pixels, {} points", picture.width, picture.height, cloud.len()));
+    let (width, height, points) = (picture.width, picture.height, cloud.len());
+    let what = format!("{width} × {height} pixels, {points} points");
+    let facts = json!({ "width": width, "height": height, "points": points });
+    args.writing.reporting.wrote(&args.output, &what, facts);
     Ok(())
 }
 
@@ -156,7 +156,8 @@ fn marks(results: &Results, cloud: &PointCloud, count: usize) -> Result<Vec<usiz
     Ok(places.iter().take(count).map(|place| place.in_cloud(&surroundings, cloud).index).collect())
 }
 
-fn plot(directory: &Path, path: &Path) -> Result<(), Failure> {
+fn plot(args: &RenderArgs) -> Result<(), Failure> {
+    let directory = &args.input;
     let report = results::report(directory)?;
     let Some(spectrum) = &report.spectrum else {
         let shown = directory.display();
@@ -170,7 +171,8 @@ fn plot(directory: &Path, path: &Path) -> Result<(), Failure> {
         area: is_surface.then_some(report.sampling.area),
         title: &title,
     });
-    output::write_file(path, |out| out.write_all(svg.as_bytes()))?;
-    told(path, &title);
+    output::write_file(&args.output, |out| out.write_all(svg.as_bytes()))?;
+    let facts = json!({ "eigenvalues": spectrum.eigenvalues.len(), "operator": report.operator.name() });
+    args.writing.reporting.wrote(&args.output, &title, facts);
     Ok(())
 }

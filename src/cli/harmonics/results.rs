@@ -12,6 +12,7 @@ use chladni::harmonics::{Block, Modes};
 use rayon::prelude::*;
 
 use super::{Failure, output};
+use crate::cli::input;
 
 /// Rows that are worked on together.
 const BLOCK_ROWS: usize = 8192;
@@ -121,9 +122,25 @@ impl Results {
 
 /// The report of an analysis.
 pub(super) fn report(directory: &Path) -> Result<Report, Failure> {
+    check_directory(directory)?;
     let path = directory.join("report.json");
     serde_json::from_slice(&file(&path)?)
         .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
+}
+
+/// Whether there is a directory that an analysis has filled.
+fn check_directory(directory: &Path) -> Result<(), Failure> {
+    let shown = directory.display();
+    let why = if directory.is_file() {
+        format!("{shown} is a file; a directory that `chladni analyze {shown} -o DIR` fills is expected")
+    } else if !directory.exists() {
+        format!("there is no directory {shown}; `chladni analyze CLOUD -o {shown}` fills one")
+    } else if !directory.join("report.json").exists() {
+        format!("{shown} has no report.json; `chladni analyze CLOUD -o {shown}` writes one")
+    } else {
+        return Ok(());
+    };
+    Err(Failure::Input(why))
 }
 
 /// The columns of one of the arrays.
@@ -137,12 +154,5 @@ pub(super) fn columns(path: &Path) -> Result<Vec<Vec<f64>>, Failure> {
 }
 
 pub(super) fn file(path: &Path) -> Result<Vec<u8>, Failure> {
-    std::fs::read(path).map_err(|error| {
-        let hint = if error.kind() == std::io::ErrorKind::NotFound {
-            "; `chladni analyze CLOUD -o DIR` fills a directory of results"
-        } else {
-            ""
-        };
-        Failure::Input(format!("{}: {error}{hint}", path.display()))
-    })
+    input::bytes(path)
 }

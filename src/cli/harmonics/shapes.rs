@@ -40,7 +40,7 @@ pub(crate) fn similarity(args: &SimilarityArgs) -> Result<(), Failure> {
     let found = shape_dna::compare([&first_modes, &second_modes], areas, args.sized, args.modes);
     let found =
         found.ok_or_else(|| Failure::Input("one of the spectra has no eigenvalue above 0".to_owned()))?;
-    write_json(&found, None)
+    write_json(&found, Path::new("-"))
 }
 
 /// Computes and prints JSON.
@@ -52,7 +52,7 @@ pub(crate) fn invariants(args: &InvariantsArgs) -> Result<(), Failure> {
             "{shown} holds no spectrum of a surface; graphs, curves and volumes have other heat traces"
         )));
     }
-    write_json(&measure(&modes, &report.sampling), None)
+    write_json(&measure(&modes, &report.sampling), Path::new("-"))
 }
 
 fn shape(directory: &Path) -> Result<(Report, Modes), Failure> {

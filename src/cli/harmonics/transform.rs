@@ -7,7 +7,7 @@ use chladni::harmonics::functions::{first_nonfinite, rows_without_result};
 use chladni::harmonics::{Energy, Function, transform};
 use serde_json::{Map, Value, json};
 
-use super::{Failure, Output, Results, results, told, write_json, write_npy};
+use super::{Failure, Output, Results, Writing, output, results, write_json, write_npy};
 
 /// Transform coordinates and fields of an analysed cloud, or functions of your own.
 #[derive(Debug, clap::Args)]
@@ -23,9 +23,12 @@ pub(crate) struct CoefficientsArgs {
     #[arg(long, default_value_t = 10)]
     bands: usize,
 
-    /// File to write, json or npy; standard output, as JSON, when absent
-    #[arg(long, short, value_name = "FILE")]
-    output: Option<PathBuf>,
+    /// File to write, json or npy; standard output (`-`) when absent
+    #[arg(long, short, value_name = "FILE", default_value = "-")]
+    output: PathBuf,
+
+    #[command(flatten)]
+    writing: Writing,
 }
 
 /// Make functions from coefficients: the inverse of the transform.
@@ -37,17 +40,17 @@ pub(crate) struct SynthesisArgs {
     /// Coefficients: an npy file of k or k × m numbers, or JSON as `chladni coefficients` writes it
     coefficients: PathBuf,
 
-    /// File to write; its extension chooses the format: npy, ply or json
+    /// File to write; its extension chooses the format: npy, ply or json; `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
+
+    #[command(flatten)]
+    writing: Writing,
 }
 
 /// Reads, transforms, writes.
 pub(crate) fn coefficients(args: &CoefficientsArgs) -> Result<(), Failure> {
-    let format = match &args.output {
-        Some(path) => Output::of(path, &[Output::Json, Output::Npy])?,
-        None => Output::Json,
-    };
+    let format = Output::of(&args.output, &args.writing, &[Output::Json, Output::Npy])?;
     let results = Results::read(&args.results)?;
     let functions = match &args.functions {
         Some(path) => posted(path, &results)?,
@@ -55,9 +58,9 @@ pub(crate) fn coefficients(args: &CoefficientsArgs) -> Result<(), Failure> {
     };
     let values: Vec<&[f64]> = functions.iter().map(|function| function.values.as_slice()).collect();
     let found = transform::total(&results.map(|block| transform::partial(block, &results.mass, &values)));
-    if let (Output::Npy, Some(path)) = (format, &args.output) {
+    if format == Output::Npy {
         let columns: Vec<Vec<f64>> = found.into_iter().map(|function| function.coefficients).collect();
-        write_npy(&columns, false, path)?;
+        write_npy(&columns, false, &args.output)?;
     } else {
         let named = || functions.iter().map(|function| function.name.clone()).zip(&found);
         let fields: Map<String, Value> =
@@ -72,10 +75,12 @@ pub(crate) fn coefficients(args: &CoefficientsArgs) -> Result<(), Failure> {
             "energy": energy,
             "clusters": results.modes.clusters(),
         });
-        write_json(&answer, args.output.as_deref())?;
+        write_json(&answer, &args.output)?;
     }
-    if let Some(path) = &args.output {
-        told(path, &format!("{} functions in {} bases", functions.len(), results.modes.len()));
+    if !output::is_standard(&args.output) {
+        let (functions, bases) = (functions.len(), results.modes.len());
+        let what = format!("{functions} functions in {bases} bases");
+        args.writing.reporting.wrote(&args.output, &what, json!({ "functions": functions, "bases": bases }));
     }
     Ok(())
 }
@@ -107,7 +112,7 @@ fn posted(path: &Path, results: &Results) -> Result<Vec<Function>, Failure> {
 
 /// Reads, synthesises, writes.
 pub(crate) fn synthesis(args: &SynthesisArgs) -> Result<(), Failure> {
-    let format = Output::of(&args.output, &[Output::Npy, Output::Ply, Output::Json])?;
+    let format = Output::of(&args.output, &args.writing, &[Output::Npy, Output::Ply, Output::Json])?;
     let results = Results::read(&args.results)?;
     let given = lists(&args.coefficients)?;
     for list in &given {
@@ -130,10 +135,12 @@ pub(crate) fn synthesis(args: &SynthesisArgs) -> Result<(), Failure> {
         Output::Json => {
             let names: Vec<&str> = given.iter().map(|list| list.name.as_str()).collect();
             let answer = json!({ "points": results.mass.len(), "names": names, "values": columns });
-            write_json(&answer, Some(&args.output))?;
+            write_json(&answer, &args.output)?;
         }
     }
-    told(&args.output, &format!("{} functions from {} bases", given.len(), results.modes.len()));
+    let (functions, bases) = (given.len(), results.modes.len());
+    let what = format!("{functions} functions from {bases} bases");
+    args.writing.reporting.wrote(&args.output, &what, json!({ "functions": functions, "bases": bases }));
     Ok(())
 }
 

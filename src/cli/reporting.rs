@@ -1,0 +1,52 @@
+//! What a command says of its work, and in which form.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::output::is_standard;
+
+/// How commands report.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub(super) struct Reporting {
+    /// Print nothing but warnings and errors
+    #[arg(long, short)]
+    pub(super) quiet: bool,
+
+    /// Print what was done as a JSON object in place of text
+    #[arg(long, conflicts_with = "quiet")]
+    pub(super) json: bool,
+}
+
+impl Reporting {
+    /// Says that a file was written: `what` in text, `facts` (an object) in JSON. Standard output is left to the file
+    /// when the file is written there.
+    pub(super) fn wrote(self, path: &Path, what: &str, facts: Value) {
+        let name = path.display().to_string();
+        let text = if self.json {
+            let mut told = json!({ "file": name });
+            if let (Some(told), Value::Object(facts)) = (told.as_object_mut(), facts) {
+                told.extend(facts);
+            }
+            told.to_string()
+        } else {
+            format!("{}: {what}", if is_standard(path) { "standard output" } else { &name })
+        };
+        if is_standard(path) { self.aside(&text) } else { self.say(&text) }
+    }
+
+    /// Prints a line, or several, of the command's own output.
+    pub(super) fn say(self, text: &str) {
+        if !self.quiet {
+            // A reader that has seen enough, such as `head`, is no failure.
+            let _ = writeln!(io::stdout().lock(), "{text}");
+        }
+    }
+
+    fn aside(self, text: &str) {
+        if !self.quiet {
+            let _ = writeln!(io::stderr().lock(), "{text}");
+        }
+    }
+}
