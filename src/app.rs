@@ -1,25 +1,29 @@
 //! The running service: database, workers and listener, started and stopped in order.
 
 mod backup;
+mod key_file;
+mod keys;
 mod listener;
 mod machine;
 mod secret;
 mod settings;
+mod values;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 pub use backup::backup;
+pub use key_file::{KeyEntry, KeyFile, KeyFileError};
 pub use secret::Secret;
 pub use settings::Settings;
+pub use values::{address, bytes};
 
-use crate::http::{self, Keys, KeysError, Service};
+use crate::http::{self, Hosts, Keys, KeysError, Service};
 use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, analyses};
 use crate::metrics::Metrics;
 use crate::store::{Store, StoreError};
@@ -72,7 +76,8 @@ pub struct App {
     listening: JoinHandle<()>,
     jobs: Arc<Jobs>,
     store: Store,
-    grace: Duration,
+    keys: Option<Keys>,
+    settings: Settings,
 }
 
 impl App {
@@ -89,7 +94,7 @@ impl App {
     /// # Errors
     /// [`StartError`]; nothing is left running then.
     pub async fn start_with(settings: Settings, analyze: Arc<Analyze>) -> Result<Self, StartError> {
-        let keys = read_keys(&settings)?;
+        let keys = keys::read(&settings)?;
         if !settings.listen.ip().is_loopback() && keys.is_none() && !settings.allow_public {
             return Err(StartError::Public(settings.listen));
         }
@@ -97,6 +102,9 @@ impl App {
         let listener = TcpListener::bind(settings.listen).await.map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         let store = open_store(&settings).await?;
+        if let Some(keys) = &keys {
+            keys::adopt(keys, &store).await.map_err(|cause| unusable_database(&settings, cause))?;
+        }
         let stopping = CancellationToken::new();
         let threads = |error: ComputeError| StartError::Threads(error.to_string());
         let computing = Compute::in_background("compute", settings.threads()).map_err(threads)?;
@@ -106,14 +114,23 @@ impl App {
         let jobs = Jobs::start(store.clone(), computing, analyze, jobs_settings).await;
         let jobs = Arc::new(jobs.map_err(|cause| unusable_database(&settings, cause))?);
         let limits = settings.limits();
-        let service =
-            Service::new(store.clone(), compute, Arc::clone(&jobs), limits, keys, metrics, stopping.clone())
-                .allowing(settings.cors_origins.clone());
+        let accepted = keys.clone();
+        let hosts = Hosts::new(address.ip(), &settings.allowed_hosts);
+        let service = Service::new(
+            store.clone(),
+            compute,
+            Arc::clone(&jobs),
+            limits,
+            accepted,
+            metrics,
+            stopping.clone(),
+        )
+        .allowing(settings.cors_origins.clone(), hosts);
         let serving =
             listener::serve(listener, http::router(service), settings.connections(), stopping.clone());
         let listening = tokio::spawn(serving);
         tracing::info!(%address, "listening");
-        Ok(Self { address, stopping, listening, jobs, store, grace: settings.grace() })
+        Ok(Self { address, stopping, listening, jobs, store, keys, settings })
     }
 
     /// The address that is listened on.
@@ -122,12 +139,35 @@ impl App {
         self.address
     }
 
+    /// Reads the API keys again: those that are new are accepted from now on, those that are gone no longer. Keys that
+    /// cannot be read leave everything as it is.
+    pub async fn reread_keys(&self) {
+        let Some(accepted) = &self.keys else {
+            tracing::warn!("there are no API keys to read again; they are set at the start, with --api-keys");
+            return;
+        };
+        let keys = match keys::read(&self.settings) {
+            Ok(Some(keys)) => keys,
+            Ok(None) => return,
+            Err(error) => {
+                tracing::error!(%error, "the API keys stay as they were");
+                return;
+            }
+        };
+        if let Err(error) = keys::adopt(&keys, &self.store).await {
+            tracing::error!(%error, "the API keys stay as they were");
+            return;
+        }
+        accepted.replace(&keys);
+        tracing::info!(keys = keys.count(), "the API keys were read again");
+    }
+
     /// Stops in order: no new connections and claims; open answers end and running jobs are given back to the queue,
     /// both within the grace time; then the database is closed.
     pub async fn shutdown(self) {
         tracing::info!("stopping");
         self.stopping.cancel();
-        let (ended, ()) = tokio::join!(self.listening, self.jobs.stop(self.grace));
+        let (ended, ()) = tokio::join!(self.listening, self.jobs.stop(self.settings.grace()));
         if let Err(error) = ended {
             tracing::error!(%error, "the listener ended badly");
         }
@@ -144,22 +184,6 @@ async fn open_store(settings: &Settings) -> Result<Store, StartError> {
 
 fn unusable_database(settings: &Settings, cause: StoreError) -> StartError {
     StartError::Database { path: settings.database.clone(), cause }
-}
-
-fn read_keys(settings: &Settings) -> Result<Option<Keys>, StartError> {
-    if settings.api_keys.is_none() && settings.keys.is_none() {
-        return Ok(None);
-    }
-    let mut keys = String::new();
-    if let Some(path) = &settings.api_keys {
-        let unreadable = |cause| StartError::KeyFile { path: path.clone(), cause };
-        keys = std::fs::read_to_string(path).map_err(unreadable)?;
-    }
-    if let Some(more) = &settings.keys {
-        keys.push('\n');
-        keys.push_str(more.reveal());
-    }
-    Ok(Some(Keys::parse(&keys)?))
 }
 
 /// Returns at the first SIGTERM or Ctrl-C.

@@ -1,5 +1,7 @@
 //! What is counted and measured while the service runs, as Prometheus reads it. Names and units in one place.
 
+mod process;
+
 use std::fmt;
 
 use prometheus_client::encoding::EncodeLabelSet;
@@ -8,6 +10,7 @@ use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
+use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
 
 /// Media type of the text.
@@ -81,7 +84,7 @@ fn of_jobs() -> Histogram {
 impl Default for Metrics {
     fn default() -> Self {
         let mut metrics = Self {
-            registry: Registry::with_prefix("chladni"),
+            registry: Registry::default(),
             requests: Family::default(),
             request_seconds: Family::new_with_constructor(of_requests),
             received: Counter::default(),
@@ -101,7 +104,11 @@ impl Default for Metrics {
 
 impl Metrics {
     fn register(&mut self) {
-        let (registry, seconds, bytes) = (&mut self.registry, || Unit::Seconds, || Unit::Bytes);
+        self.registry.register_collector(Box::new(process::Process));
+        let registry = self.registry.sub_registry_with_prefix("chladni");
+        let (seconds, bytes) = (|| Unit::Seconds, || Unit::Bytes);
+        let version = Info::new([("version", env!("CARGO_PKG_VERSION"))]);
+        registry.register("build", "The version of the service", version);
         registry.register("http_requests", "Requests by method, route and status", self.requests.clone());
         let help = "Time from a request's head to its answer's head, by route";
         registry.register_with_unit("http_request", help, seconds(), self.request_seconds.clone());
@@ -213,6 +220,10 @@ mod tests {
             "chladni_job_phase_seconds_sum{phase=\"cells\"} 2.0",
             "chladni_jobs{state=\"queued\"} 3",
             "chladni_disk_free_bytes 1099511627776",
+            concat!("chladni_build_info{version=\"", env!("CARGO_PKG_VERSION"), "\"} 1"),
+            "# TYPE process_resident_memory_bytes gauge",
+            "# UNIT process_cpu_seconds seconds",
+            "process_open_fds ",
             "# EOF",
         ] {
             assert!(text.contains(line), "{line}\n{text}");

@@ -7,19 +7,25 @@ use std::time::Duration;
 
 use axum::http::HeaderValue;
 
-use super::listener::Connections;
+use super::listener::{Connections, Patience};
 use super::machine;
 use super::secret::Secret;
+use super::values::{address, bytes, host, origin};
 use crate::cloud::reader;
 use crate::http::Limits;
 use crate::jobs::{JobsSettings, Retention};
 use crate::store::StoreSettings;
 
+/// When a client at its turn loses its place to another that waits for one.
+const PATIENCE: Patience =
+    Patience { idle: Duration::from_secs(1), slow: Duration::from_secs(5), body_rate_min: 4096.0 };
+
 /// How the service runs, and what it accepts at most.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Settings {
-    /// Address and port; port 0 takes a free one. Other machines reach it only on another address than loopback.
-    #[arg(long, env = "CHLADNI_LISTEN", value_name = "ADDRESS", default_value_t = Self::default().listen)]
+    /// Address and port, or a port of loopback alone; port 0 takes a free one. Other machines reach it only on another
+    /// address than loopback.
+    #[arg(long, env = "CHLADNI_LISTEN", value_name = "ADDRESS", value_parser = address, default_value_t = Self::default().listen)]
     pub listen: SocketAddr,
 
     /// File of the database; made when it is not there.
@@ -36,25 +42,25 @@ pub struct Settings {
 
     /// Bytes of memory that the analyses running at one time may be estimated to take together; 0 for half of what the
     /// machine or container has. A job that needs more by itself is refused.
-    #[arg(long, env = "CHLADNI_MEMORY_BUDGET", value_name = "BYTES", default_value_t = Self::default().memory_budget)]
+    #[arg(long, env = "CHLADNI_MEMORY_BUDGET", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().memory_budget)]
     pub memory_budget: u64,
 
     /// Bytes of memory for the bodies of requests and what they are parsed into, of which a body takes five times its
     /// size, and half as many again for large answers and what they are made of; 0 for a quarter of what the machine or
     /// container has.
-    #[arg(long, env = "CHLADNI_BODY_MEMORY", value_name = "BYTES", default_value_t = Self::default().body_memory)]
+    #[arg(long, env = "CHLADNI_BODY_MEMORY", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().body_memory)]
     pub body_memory: u64,
 
     /// Bytes that stay free on the database's disk: below, uploads and jobs are refused, and no job begins.
-    #[arg(long, env = "CHLADNI_DISK_FLOOR", value_name = "BYTES", default_value_t = Self::default().disk_floor)]
+    #[arg(long, env = "CHLADNI_DISK_FLOOR", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().disk_floor)]
     pub disk_floor: u64,
 
     /// Bytes of a request's body as it is sent, at most.
-    #[arg(long, env = "CHLADNI_MAX_BODY", value_name = "BYTES", default_value_t = Self::default().max_body)]
+    #[arg(long, env = "CHLADNI_MAX_BODY", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().max_body)]
     pub max_body: u64,
 
     /// Bytes of a compressed body once it is decompressed, at most.
-    #[arg(long, env = "CHLADNI_MAX_DECODED", value_name = "BYTES", default_value_t = Self::default().max_decoded)]
+    #[arg(long, env = "CHLADNI_MAX_DECODED", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().max_decoded)]
     pub max_decoded: u64,
 
     /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
@@ -85,7 +91,8 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_QUEUE_MAX", value_name = "N", default_value_t = Self::default().queue_max)]
     pub queue_max: u64,
 
-    /// Open connections, at most; further ones wait to be accepted.
+    /// Open connections, at most; when there are more, those whose clients send and take nothing are closed, and only
+    /// probes are answered beyond.
     #[arg(long, env = "CHLADNI_CONNECTIONS_MAX", value_name = "N", default_value_t = Self::default().connections_max)]
     pub connections_max: usize,
 
@@ -113,8 +120,8 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_KEEP_CLOUDS_DAYS", value_name = "DAYS")]
     pub keep_clouds_days: Option<u64>,
 
-    /// File of API keys, one per line, each with or without a name before it; requests must then carry
-    /// `Authorization: Bearer KEY`, and see the clouds and jobs of that name or key only.
+    /// File of API keys, one per line, each after its owner's name, as `chladni keys` keeps it; requests must then carry
+    /// `Authorization: Bearer KEY`, and see the clouds and jobs of that owner only. SIGHUP reads it again.
     #[arg(long, env = "CHLADNI_API_KEYS", value_name = "FILE")]
     pub api_keys: Option<PathBuf>,
 
@@ -126,6 +133,11 @@ pub struct Settings {
     /// are separated by commas.
     #[arg(long, env = "CHLADNI_CORS_ORIGINS", value_name = "ORIGIN", value_delimiter = ',', value_parser = origin)]
     pub cors_origins: Vec<HeaderValue>,
+
+    /// Host name under which the service may be asked for where it has no keys, beside `localhost` and the address it
+    /// listens on; `*` is any. Several are separated by commas.
+    #[arg(long, env = "CHLADNI_ALLOWED_HOSTS", value_name = "HOST", value_delimiter = ',', value_parser = host)]
+    pub allowed_hosts: Vec<String>,
 
     /// Serve other machines without asking for a key.
     #[arg(long, env = "CHLADNI_ALLOW_PUBLIC")]
@@ -162,19 +174,10 @@ impl Default for Settings {
             api_keys: None,
             keys: None,
             cors_origins: Vec::new(),
+            allowed_hosts: Vec::new(),
             allow_public: false,
         }
     }
-}
-
-/// An origin as browsers send it: scheme, host and port, without a path.
-fn origin(text: &str) -> Result<HeaderValue, String> {
-    let is_origin = text == "*"
-        || ["http://", "https://"].iter().any(|scheme| {
-            text.strip_prefix(scheme).is_some_and(|host| !host.is_empty() && !host.contains(['/', ' ']))
-        });
-    let value = HeaderValue::from_str(text).ok().filter(|_| is_origin);
-    value.ok_or_else(|| format!("`{text}` is no origin; https://viewer.example is one, and * is any"))
 }
 
 impl Settings {
@@ -222,6 +225,7 @@ impl Settings {
     pub(super) fn connections(&self) -> Connections {
         Connections {
             at_once: self.connections_max.max(1),
+            patience: PATIENCE,
             header: Duration::from_secs(self.header_seconds),
             stall: self.stall(),
             grace: self.grace(),
@@ -264,16 +268,6 @@ mod tests {
     struct Command {
         #[command(flatten)]
         settings: Settings,
-    }
-
-    #[test]
-    fn an_origin_has_a_scheme_and_a_host_and_no_path() {
-        for accepted in ["*", "http://localhost:3000", "https://viewer.example"] {
-            assert!(origin(accepted).is_ok(), "{accepted}");
-        }
-        for refused in ["", "viewer.example", "https://", "https://viewer.example/", "https://a b"] {
-            assert!(origin(refused).is_err(), "{refused}");
-        }
     }
 
     #[test]

@@ -21,6 +21,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 pub use service::{Limits, Service};
+pub use wire::guard::{Hosts, NoPlace};
 pub use wire::keys::{Keys, KeysError};
 pub use wire::problem::{Problem, ProblemDocument};
 
@@ -31,8 +32,9 @@ use resources::{
     submission,
 };
 use service::Shared;
+use wire::paths::Paths;
 use wire::problem::Kind;
-use wire::{body, compress, cors, drain, keys, owners, request};
+use wire::{body, compress, cors, drain, guard, keys, owners, request};
 
 /// Every route, and the documents of those in the OpenAPI description.
 fn routes() -> OpenApiRouter<Shared> {
@@ -80,6 +82,8 @@ static DESCRIPTION: LazyLock<Description> = LazyLock::new(|| Description::of(&do
 /// The service's router.
 pub fn router(service: Service) -> Router {
     let (keys, metrics) = (service.keys.clone(), Arc::clone(&service.metrics));
+    let hosts = service.hosts.clone().filter(|_| keys.is_none());
+    let guard = guard::Guard::new(hosts, service.origins.clone());
     let cors = tower::util::option_layer(cors::layer(&service.origins));
     let service = Arc::new(service);
     let (router, _) = routes().split_for_parts();
@@ -94,6 +98,7 @@ pub fn router(service: Service) -> Router {
         .layer(Extension(&DESCRIPTION))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(keys, keys::require))
+        .layer(middleware::from_fn_with_state(guard, guard::admit))
         .layer(middleware::from_fn(drain::after_errors))
         .layer(cors)
         .layer(middleware::from_fn(request::identify))
@@ -103,8 +108,20 @@ pub fn router(service: Service) -> Router {
         .with_state(service)
 }
 
-async fn no_such_path(uri: Uri) -> Problem {
-    Problem::new(Kind::NotFound, format!("there is nothing at {}; GET / lists what there is", uri.path()))
+/// The paths that there are.
+static PATHS: LazyLock<Paths> =
+    LazyLock::new(|| Paths::of(DESCRIPTION.json.as_ref().unwrap_or(&serde_json::Value::Null)));
+
+async fn no_such_path(method: Method, uri: Uri) -> Problem {
+    let path = uri.path();
+    let uploads = [Method::PUT, Method::POST].contains(&method) && path.matches('/').count() == 1;
+    let near = if uploads { vec![format!("/clouds{path}")] } else { PATHS.near(path) };
+    let hint = match near.as_slice() {
+        [] => "GET / lists what there is".to_owned(),
+        [one] => format!("did you mean {one}?"),
+        several => format!("near it are {}", several.join(", ")),
+    };
+    Problem::new(Kind::NotFound, format!("there is nothing at {path}; {hint}")).with("near", near)
 }
 
 /// OPTIONS is answered by `Allow` alone, which axum adds.
@@ -112,10 +129,9 @@ async fn no_such_method(method: Method, uri: Uri) -> Result<StatusCode, Problem>
     if method == Method::OPTIONS {
         return Ok(StatusCode::NO_CONTENT);
     }
-    Err(Problem::new(
-        Kind::MethodNotAllowed,
-        format!("{} does not support {method}; Allow lists what it does", uri.path()),
-    ))
+    let methods = PATHS.methods(uri.path());
+    let told = format!("{} does not support {method}, but {}", uri.path(), methods.join(", "));
+    Err(Problem::new(Kind::MethodNotAllowed, told).with("methods", methods))
 }
 
 fn panicked(_: Box<dyn std::any::Any + Send>) -> axum::response::Response {

@@ -8,6 +8,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::wire::answer_memory::AnswerMemory;
 use super::wire::body_memory::BodyMemory;
+use super::wire::guard::Hosts;
 use super::wire::keys::Keys;
 use crate::cloud::reader;
 use crate::jobs::{Compute, Jobs};
@@ -67,6 +68,8 @@ pub struct Service {
     pub(super) answer_memory: AnswerMemory,
     /// Origins of pages that may use the service from browsers; `*` is any.
     pub(super) origins: Vec<HeaderValue>,
+    /// Names under which it answers where no key is asked for; `None` is any.
+    pub(super) hosts: Option<Hosts>,
     /// Accepted keys; `None` when none is asked for.
     pub(super) keys: Option<Keys>,
     /// Canceled when the service stops: waiting requests then answer at once.
@@ -89,14 +92,26 @@ impl Service {
     ) -> Self {
         let body_memory = BodyMemory::new(limits.body_memory, limits.stall);
         let answer_memory = AnswerMemory::new(limits.body_memory / 2, limits.stall);
-        let origins = Vec::new();
-        Self { store, compute, jobs, limits, body_memory, answer_memory, origins, keys, stopping, metrics }
+        let (origins, hosts) = (Vec::new(), None);
+        Self {
+            store,
+            compute,
+            jobs,
+            limits,
+            body_memory,
+            answer_memory,
+            origins,
+            hosts,
+            keys,
+            stopping,
+            metrics,
+        }
     }
 
-    /// The same, open to pages of these origins; `*` is any.
+    /// The same, open to pages of these origins (`*` is any), and under these names only where no key is asked for.
     #[must_use]
-    pub fn allowing(self, origins: Vec<HeaderValue>) -> Self {
-        Self { origins, ..self }
+    pub fn allowing(self, origins: Vec<HeaderValue>, hosts: Hosts) -> Self {
+        Self { origins, hosts: Some(hosts), ..self }
     }
 }
 

@@ -70,7 +70,9 @@ impl Worker {
     async fn see_through(&self, claim: &Claim) {
         let task = Task::begin();
         let job = claim.job.id;
-        tracing::info!(%job, attempt = claim.job.attempt, points = claim.job.points, "job begins");
+        let parameters = &claim.job.parameters;
+        let (operator, bases) = (parameters.operator.name(), parameters.bases);
+        tracing::info!(%job, operator, bases, attempt = claim.job.attempt, points = claim.job.points, "job begins");
         if let (1, Some(started)) = (claim.job.attempt, claim.job.started) {
             self.settings.metrics.claimed((started - claim.job.created) as f64 / 1e3);
         }
@@ -100,7 +102,8 @@ impl Worker {
     }
 
     fn record(&self, job: Uuid, state: JobState, task: &Task) {
-        tracing::info!(%job, ?state, "job ends");
+        let seconds: f64 = task.vitals().phase_seconds.iter().map(|(_, seconds)| seconds).sum();
+        tracing::info!(%job, state = state.name(), seconds, "job ends");
         self.settings.metrics.ended(state.name());
         if state == JobState::Succeeded {
             for (phase, seconds) in task.vitals().phase_seconds {
@@ -152,7 +155,7 @@ impl Worker {
         };
         match settled {
             Ok(state) => {
-                tracing::warn!(%job, ?state, %cause, "job ends without a result");
+                tracing::warn!(%job, state = state.name(), %cause, "job ends without a result");
                 self.settings.metrics.ended(state.name());
             }
             // It had just ended by itself.

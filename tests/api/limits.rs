@@ -40,8 +40,17 @@ const LIMITS: [(&str, &str); 19] = [
 ];
 
 /// Settings that bound nothing for a client.
-const NO_LIMITS: [&str; 8] =
-    ["listen", "database", "threads", "grace-seconds", "api-keys", "keys", "allow-public", "cors-origins"];
+const NO_LIMITS: [&str; 9] = [
+    "listen",
+    "database",
+    "threads",
+    "grace-seconds",
+    "api-keys",
+    "keys",
+    "allow-public",
+    "cors-origins",
+    "allowed-hosts",
+];
 
 #[tokio::test]
 async fn every_setting_that_is_a_limit_is_told_with_its_value() {
@@ -137,8 +146,9 @@ async fn a_body_that_finds_no_memory_free_is_told_when_to_try_again() {
     let (tell, told) = tokio::sync::oneshot::channel();
     let slow = std::thread::spawn(move || {
         let mut stream = TcpStream::connect(address).unwrap();
-        let head =
-            format!("POST /clouds?format=xyz HTTP/1.1\r\nHost: x\r\nContent-Length: {length}\r\n\r\n1 2 3\n");
+        let head = format!(
+            "POST /clouds?format=xyz HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n1 2 3\n"
+        );
         stream.write_all(head.as_bytes()).unwrap();
         let _ = told.blocking_recv();
     });
@@ -237,18 +247,51 @@ async fn a_body_that_trickles_is_given_up_after_its_time() {
     assert!(detail(&refused).contains("longer than 1 second"), "{refused}");
 }
 
+/// The head of an upload whose body never comes.
+fn stuck(service: &Service) -> TcpStream {
+    let mut stream = TcpStream::connect(service.app.address()).unwrap();
+    let head = "PUT /clouds HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n\r\n1 2 3\n";
+    stream.write_all(head.as_bytes()).unwrap();
+    stream
+}
+
 #[tokio::test]
-async fn a_connection_over_the_cap_waits_until_another_ends() {
-    let service = Service::with_settings(|settings| settings.connections_max = 1).await;
-    let (address, url) = (service.app.address(), service.url("/livez"));
-    // Its head has come in part only: the place is taken, and stays so.
-    let mut first = TcpStream::connect(address).unwrap();
-    first.write_all(b"GET /livez HTTP/1.1\r\n").unwrap();
-    let mut second = Box::pin(service.client.get(url).send());
-    let early = tokio::time::timeout(Duration::from_millis(300), &mut second).await;
-    assert!(early.is_err(), "answered beside the first: {early:?}");
-    drop(first);
-    assert_eq!(second.await.unwrap().status(), StatusCode::OK);
+async fn probes_are_answered_beyond_the_cap_and_other_requests_wait() {
+    let service = Service::with_settings(|settings| settings.connections_max = 2).await;
+    let holding = [stuck(&service), stuck(&service)];
+    for path in ["/livez", "/readyz", "/metrics", "/livez"] {
+        let probe = reqwest::Client::new().get(service.url(path)).timeout(Duration::from_secs(20));
+        assert_eq!(probe.send().await.unwrap().status(), StatusCode::OK, "{path}");
+    }
+    let mut other = Box::pin(service.client.get(service.url("/clouds")).send());
+    let early = tokio::time::timeout(Duration::from_millis(300), &mut other).await;
+    assert!(early.is_err(), "answered beside the others: {early:?}");
+    drop(holding);
+    assert_eq!(other.await.unwrap().status(), StatusCode::OK);
+}
+
+#[tokio::test]
+async fn bodies_that_trickle_and_connections_without_requests_give_their_places_up() {
+    let service = Service::with_settings(|settings| settings.connections_max = 3).await;
+    let address = service.app.address();
+    // One without a request, one with half a head, one whose body comes byte by byte.
+    let idle = TcpStream::connect(address).unwrap();
+    let mut half = TcpStream::connect(address).unwrap();
+    half.write_all(b"GET /livez HTTP/1.1\r\n").unwrap();
+    let mut trickling = stuck(&service);
+    let trickle = std::thread::spawn(move || {
+        while trickling.write_all(b"1").is_ok() {
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    });
+    for _ in 0..4 {
+        let request = reqwest::Client::new().get(service.url("/clouds")).timeout(Duration::from_mins(1));
+        // A new connection each time, all held open.
+        assert_eq!(request.send().await.unwrap().status(), StatusCode::OK);
+        std::mem::forget(stuck(&service));
+    }
+    drop((idle, half));
+    trickle.join().unwrap();
 }
 
 #[tokio::test]
@@ -268,7 +311,7 @@ async fn a_client_that_takes_no_answer_is_closed() {
     let path = stored["links"]["points"].as_str().unwrap().to_owned();
     let service = Service { client: reqwest::Client::new(), ..service };
     let mut deaf = TcpStream::connect(service.app.address()).unwrap();
-    deaf.write_all(format!("GET {path}?format=json HTTP/1.1\r\nHost: x\r\n\r\n").as_bytes()).unwrap();
+    deaf.write_all(format!("GET {path}?format=json HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).unwrap();
     let answered = service.client.get(service.url("/livez")).timeout(Duration::from_mins(1)).send();
     assert_eq!(answered.await.unwrap().status(), StatusCode::OK, "the only place is free again");
     drop(deaf);

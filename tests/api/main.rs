@@ -17,5 +17,6 @@ mod requests;
 mod results;
 mod service;
 mod shutdown;
+mod strangers;
 mod upload_errors;
 mod uploads;

@@ -103,7 +103,7 @@ async fn a_client_that_never_ends_its_head_is_closed() {
     let address = service.app.address();
     let ended = tokio::task::spawn_blocking(move || {
         let mut stream = TcpStream::connect(address).unwrap();
-        stream.write_all(b"GET /livez HTTP/1.1\r\nHost: x\r\n").unwrap();
+        stream.write_all(b"GET /livez HTTP/1.1\r\nHost: localhost\r\n").unwrap();
         let mut rest = Vec::new();
         stream.read_to_end(&mut rest).is_ok()
     });
@@ -115,7 +115,7 @@ async fn a_client_that_never_ends_its_head_is_closed() {
 async fn clients_that_say_nothing_before_or_after_a_request_are_closed_while_others_are_served() {
     let service = Service::with_settings(|settings| settings.header_seconds = 1).await;
     let address = service.app.address();
-    let idle = ["", "GET /livez HTTP/1.1\r\nHost: x\r\n\r\n"].map(|said| {
+    let idle = ["", "GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n"].map(|said| {
         tokio::task::spawn_blocking(move || {
             let mut stream = TcpStream::connect(address).unwrap();
             stream.write_all(said.as_bytes()).unwrap();

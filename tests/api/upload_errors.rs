@@ -177,8 +177,10 @@ async fn an_early_refusal_reaches_a_client_that_is_still_sending() {
     let answer = tokio::task::spawn_blocking(move || {
         let mut stream = TcpStream::connect(address).unwrap();
         let megabytes = 20;
-        let head =
-            format!("PUT /clouds?basis=1 HTTP/1.1\r\nHost: x\r\nContent-Length: {}\r\n\r\n", megabytes << 20);
+        let head = format!(
+            "PUT /clouds?basis=1 HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n",
+            megabytes << 20
+        );
         stream.write_all(head.as_bytes()).unwrap();
         for _ in 0..megabytes {
             stream.write_all(&vec![b'1'; 1 << 20]).unwrap();

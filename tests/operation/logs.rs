@@ -51,10 +51,13 @@ async fn a_log_in_json_joins_requests_and_jobs_and_shows_no_key_no_path_and_no_c
     let queued = told("job queued");
     assert_eq!(queued.len(), 1);
     assert_eq!(queued[0]["span"]["id"], "join-me", "{}", queued[0]);
-    assert!(queued[0]["job"].as_str().unwrap().contains(&job));
-    assert!(
-        told("job ends").iter().any(|event| event["job"] == job.as_str() && event["state"] == "Succeeded")
-    );
+    assert_eq!(queued[0]["job"], job.as_str());
+    assert_eq!((&queued[0]["operator"], &queued[0]["kind"]), (&"voronoi".into(), &"eigen".into()));
+    assert_eq!((&queued[0]["bases"], &queued[0]["points"]), (&3.into(), &60.into()));
+    assert!(queued[0]["owner"].as_str().unwrap().starts_with("key "), "a key without a name");
+    assert!(told("job ends").iter().any(|event| event["job"] == job.as_str()
+        && event["state"] == "succeeded"
+        && event["seconds"].is_f64()));
     assert!(
         told("answered").iter().any(|event| event["id"] == "join-me" && event["route"] == "/clouds/{id}")
     );

@@ -114,7 +114,7 @@ impl Intake {
             let Some(chunk) = chunk.map_err(|_| self.too_slow(left))? else { return Ok(bytes) };
             let chunk = chunk.map_err(|error| {
                 tracing::debug!(%error, "upload interrupted");
-                Problem::new(Kind::MalformedRequest, "the body ended before all of it had come")
+                Problem::new(Kind::Interrupted, "the body ended before all of it had come")
             })?;
             let length = (bytes.len() + chunk.len()) as u64;
             if length > self.limits.body_bytes {

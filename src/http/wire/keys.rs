@@ -1,6 +1,6 @@
 //! API keys: bearer tokens, compared in constant time.
 
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock};
 
 use axum::extract::{Request, State};
 use axum::http::header;
@@ -13,25 +13,33 @@ use uuid::Uuid;
 use super::problem::{Kind, Problem};
 use crate::store::Owner;
 
-/// Probes that an orchestrator asks without a key.
-const OPEN_PATHS: [&str; 2] = ["/livez", "/readyz"];
+/// Probes that an orchestrator asks without a key, and pages that tell of the service, not of what is stored.
+const OPEN_PATHS: [&str; 5] = ["/livez", "/readyz", "/", "/docs", "/capabilities"];
+/// Beginnings of further ones.
+const OPEN_PREFIXES: [&str; 2] = ["/openapi.", "/problems/"];
+/// A shorter key can be guessed.
+const KEY_LENGTH_MIN: usize = 16;
 
-/// The accepted keys, as digests, so that comparison tells nothing of lengths either.
+/// The accepted keys, as digests, so that comparison tells nothing of lengths either. Clones share them: what is replaced
+/// in one is replaced in all.
 #[derive(Clone)]
 pub struct Keys {
-    keys: Arc<[Key]>,
+    keys: Arc<RwLock<Arc<[Key]>>>,
 }
 
 struct Key {
     digest: [u8; 32],
     owner: Owner,
+    /// The owner that the same key has without a name.
+    unnamed: Owner,
+    is_short: bool,
 }
 
 /// Why a list of keys cannot be used. Never repeats what stands in it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum KeysError {
     /// There is none.
-    #[error("there is no key in it")]
+    #[error("there is no key in it; `chladni keys add NAME` makes one")]
     Empty,
     /// An entry of more than two words.
     #[error("entry {0} has more than a name and a key")]
@@ -42,37 +50,86 @@ pub enum KeysError {
 }
 
 impl Keys {
-    /// Keys from a text: one per line or between commas, empty lines and lines that begin with `#` left out. A key may
-    /// have a name before it, `pipeline 0b7f…`: keys of the same name see the same clouds and jobs, so that a key can
-    /// be replaced by another.
+    /// Keys from a text: one per line or between commas, empty lines and lines that begin with `#` left out. A key has
+    /// the name of its owner before it, `pipeline 0b7f…`: keys of the same name see the same clouds and jobs, so that a
+    /// key can be replaced by another. A key without a name is an owner of its own.
     ///
     /// # Errors
     /// [`KeysError`].
     pub fn parse(text: &str) -> Result<Self, KeysError> {
-        let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
-        let entries = lines.flat_map(|line| line.split(',')).map(str::trim).filter(|entry| !entry.is_empty());
         let mut keys: Vec<Key> = Vec::new();
-        for (number, entry) in (1..).zip(entries) {
-            let key = match entry.split_whitespace().collect::<Vec<_>>().as_slice() {
-                [key] => Key { digest: digest(key), owner: unnamed(key) },
-                [name, key] => Key { digest: digest(key), owner: Owner::named(name) },
+        for (number, entry) in (1..).zip(entries(text)) {
+            let (name, key) = match entry.split_whitespace().collect::<Vec<_>>().as_slice() {
+                &[key] => (None, key),
+                &[name, key] => (Some(name), key),
                 _ => return Err(KeysError::Words(number)),
             };
-            if keys.iter().any(|known| known.digest == key.digest) {
+            let (digest, unnamed) = (digest(key), unnamed(key));
+            if keys.iter().any(|known| known.digest == digest) {
                 return Err(KeysError::Repeated(number));
             }
-            keys.push(key);
+            let owner = name.map_or_else(|| unnamed.clone(), Owner::named);
+            keys.push(Key { digest, owner, unnamed, is_short: key.len() < KEY_LENGTH_MIN });
         }
-        if keys.is_empty() { Err(KeysError::Empty) } else { Ok(Self { keys: keys.into() }) }
+        if keys.is_empty() { Err(KeysError::Empty) } else { Ok(Self::of(keys.into())) }
+    }
+
+    fn of(keys: Arc<[Key]>) -> Self {
+        Self { keys: Arc::new(RwLock::new(keys)) }
+    }
+
+    /// Accepts the keys of `other` from now on, and no longer those of before.
+    pub fn replace(&self, other: &Self) {
+        let keys = other.keys();
+        *self.keys.write().unwrap_or_else(PoisonError::into_inner) = keys;
+    }
+
+    fn keys(&self) -> Arc<[Key]> {
+        Arc::clone(&self.keys.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// How many keys there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.keys().len()
+    }
+
+    /// Places, counted from 1, of keys that are short enough to be guessed.
+    #[must_use]
+    pub fn short(&self) -> Vec<usize> {
+        (1..).zip(self.keys().iter()).filter(|(_, key)| key.is_short).map(|(place, _)| place).collect()
+    }
+
+    /// For every key with a name: whose it was without one, and whose it is.
+    #[must_use]
+    pub fn adoptions(&self) -> Vec<(Owner, Owner)> {
+        let keys = self.keys();
+        let named = keys.iter().filter(|key| key.owner != key.unnamed);
+        named.map(|key| (key.unnamed.clone(), key.owner.clone())).collect()
     }
 
     /// The owner behind a token. All keys are compared, whichever it is.
-    fn owner_of(&self, token: &str) -> Option<&Owner> {
+    fn owner_of(&self, token: &str) -> Option<Owner> {
         let offered = digest(token);
-        self.keys.iter().fold(None, |found, key| {
+        let keys = self.keys();
+        let found = keys.iter().fold(None, |found, key| {
             if key.digest.as_slice().ct_eq(offered.as_slice()).into() { Some(&key.owner) } else { found }
-        })
+        });
+        found.cloned()
     }
+}
+
+/// The entries of a list of keys, each a key or a name and a key.
+fn entries(text: &str) -> impl Iterator<Item = &str> {
+    // Some editors put a mark of the encoding before everything.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let lines = text.lines().filter(|line| !line.trim_start().starts_with('#'));
+    lines.flat_map(|line| line.split(',')).map(str::trim).filter(|entry| !entry.is_empty())
+}
+
+/// Whether a path is answered without a key.
+fn is_open(path: &str) -> bool {
+    OPEN_PATHS.contains(&path) || OPEN_PREFIXES.iter().any(|prefix| path.starts_with(prefix))
 }
 
 fn digest(key: &str) -> [u8; 32] {
@@ -89,7 +146,7 @@ fn unnamed(key: &str) -> Owner {
 /// Lets requests with an accepted key pass, and notes whose they are.
 pub(crate) async fn require(State(keys): State<Option<Keys>>, mut request: Request, next: Next) -> Response {
     let Some(keys) = keys else { return next.run(request).await };
-    if OPEN_PATHS.contains(&request.uri().path()) {
+    if is_open(request.uri().path()) {
         return next.run(request).await;
     }
     let token = request
@@ -101,10 +158,10 @@ pub(crate) async fn require(State(keys): State<Option<Keys>>, mut request: Reque
         .map(|(_, token)| token.trim());
     match token.map(|token| keys.owner_of(token)) {
         Some(Some(owner)) => {
-            request.extensions_mut().insert(owner.clone());
+            request.extensions_mut().insert(owner);
             next.run(request).await
         }
-        Some(None) => refuse("the key is not accepted"),
+        Some(None) => refuse("the key is not accepted; it may have been revoked"),
         None => refuse("send a key as `Authorization: Bearer KEY`"),
     }
 }
@@ -120,7 +177,7 @@ mod tests {
     use super::*;
 
     fn owner_of(text: &str, token: &str) -> Option<Owner> {
-        Keys::parse(text).unwrap().owner_of(token).cloned()
+        Keys::parse(text).unwrap().owner_of(token)
     }
 
     #[test]
@@ -158,6 +215,44 @@ mod tests {
             let refused = Keys::parse(text).err().unwrap();
             assert_eq!(refused, error);
             assert!(!refused.to_string().contains("secret"));
+        }
+    }
+
+    #[test]
+    fn a_mark_of_the_encoding_is_no_part_of_a_key() {
+        assert!(owner_of("\u{feff}alpha-key\n", "alpha-key").is_some());
+        assert_eq!(owner_of("\u{feff}lab alpha-key", "alpha-key"), Some(Owner::named("lab")));
+    }
+
+    #[test]
+    fn keys_that_can_be_guessed_are_counted() {
+        assert_eq!(Keys::parse("x\nlab 0123456789abcdef,lab 0123456789abcde").unwrap().short(), [1, 3]);
+    }
+
+    #[test]
+    fn a_key_with_a_name_adopts_what_it_had_without() {
+        let before = owner_of("alpha-key", "alpha-key").unwrap();
+        let keys = Keys::parse("lab alpha-key\nbeta-key").unwrap();
+        assert_eq!(keys.adoptions(), [(before, Owner::named("lab"))]);
+    }
+
+    #[test]
+    fn replaced_keys_are_replaced_in_all_clones() {
+        let keys = Keys::parse("alpha-key").unwrap();
+        let clone = keys.clone();
+        keys.replace(&Keys::parse("beta-key").unwrap());
+        assert!(clone.owner_of("alpha-key").is_none() && clone.owner_of("beta-key").is_some());
+    }
+
+    #[test]
+    fn pages_that_tell_of_the_service_need_no_key() {
+        for open in
+            ["/", "/docs", "/openapi.yaml", "/openapi.json", "/problems/not-found", "/capabilities", "/livez"]
+        {
+            assert!(is_open(open), "{open}");
+        }
+        for closed in ["/clouds", "/jobs", "/metrics", "/docs/x", "/problemsx", "//", "/jobs/openapi."] {
+            assert!(!is_open(closed), "{closed}");
         }
     }
 }

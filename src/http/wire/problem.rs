@@ -27,10 +27,16 @@ const QUEUE_RETRY_SECONDS: u64 = 10;
 pub(crate) enum Kind {
     /// The request cannot be understood: its query, JSON or multipart structure.
     MalformedRequest,
+    /// The client left before its request was whole.
+    Interrupted,
     /// The uploaded file does not follow its format.
     MalformedFile,
     /// No key, or not one of ours.
     Unauthorized,
+    /// The request is for another host.
+    HostNotAllowed,
+    /// A page of another origin wants to change something.
+    OriginNotAllowed,
     /// No such resource.
     NotFound,
     /// The resource does not know the method.
@@ -79,10 +85,13 @@ pub(crate) enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub(crate) const ALL: [Self; 25] = [
+    pub(crate) const ALL: [Self; 28] = [
         Self::MalformedRequest,
+        Self::Interrupted,
         Self::MalformedFile,
         Self::Unauthorized,
+        Self::HostNotAllowed,
+        Self::OriginNotAllowed,
         Self::NotFound,
         Self::MethodNotAllowed,
         Self::NotAcceptable,
@@ -129,8 +138,15 @@ impl Kind {
         use StatusCode as S;
         match self {
             Self::MalformedRequest => ("malformed-request", "The request is malformed", S::BAD_REQUEST),
+            Self::Interrupted => ("interrupted", "The request ended early", S::BAD_REQUEST),
             Self::MalformedFile => ("malformed-file", "The file does not follow its format", S::BAD_REQUEST),
             Self::Unauthorized => ("unauthorized", "A key is needed", S::UNAUTHORIZED),
+            Self::HostNotAllowed => {
+                ("host-not-allowed", "The service does not answer to this host name", S::MISDIRECTED_REQUEST)
+            }
+            Self::OriginNotAllowed => {
+                ("origin-not-allowed", "Pages of this origin may not change anything", S::FORBIDDEN)
+            }
             Self::NotFound => ("not-found", "There is no such resource", S::NOT_FOUND),
             Self::MethodNotAllowed => {
                 ("method-not-allowed", "The resource does not support this method", S::METHOD_NOT_ALLOWED)
@@ -220,7 +236,7 @@ impl Problem {
         self
     }
 
-    #[cfg(test)]
+    /// Its kind.
     pub(crate) fn kind(&self) -> Kind {
         self.0.kind
     }

@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use axum::extract::{MatchedPath, Request};
-use axum::http::{HeaderMap, HeaderName, HeaderValue};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use uuid::Uuid;
 
-use super::problem::Problem;
+use super::problem::{Kind, Problem};
 
 /// Carries the request's id, both ways.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -30,14 +30,21 @@ pub(crate) async fn identify(request: Request, next: Next) -> Response {
     let span = tracing::info_span!("request", id);
     let mut response = tracing::Instrument::instrument(next.run(request), span).await;
 
-    if let Some(problem) = response.extensions_mut().remove::<Problem>() {
+    let problem = response.extensions_mut().remove::<Problem>();
+    if let Some(problem) = &problem {
         problem.render(&path, &id, &mut response);
     }
+    response.headers_mut().insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
     if let Ok(value) = HeaderValue::from_str(&id) {
         response.headers_mut().insert(REQUEST_ID, value);
     }
     let milliseconds = started.elapsed().as_secs_f64() * 1e3;
-    tracing::info!(%method, route, status = response.status().as_u16(), milliseconds, id, "answered");
+    let milliseconds = (milliseconds * 1e3).round() / 1e3;
+    if problem.is_some_and(|problem| problem.kind() == Kind::Interrupted) {
+        tracing::info!(%method, route, milliseconds, id, "the client left before its request was whole");
+    } else {
+        tracing::info!(%method, route, status = response.status().as_u16(), milliseconds, id, "answered");
+    }
     response
 }
 

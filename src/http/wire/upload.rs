@@ -109,7 +109,7 @@ fn malformed(error: MultipartError) -> Problem {
 
 #[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
 fn interrupted(_: axum::Error) -> Problem {
-    Problem::new(Kind::MalformedRequest, "the body ended before all of it had come")
+    Problem::new(Kind::Interrupted, "the body ended before all of it had come")
 }
 
 /// What the media type of a file says of its format: nothing, a format, or something unsupported.
