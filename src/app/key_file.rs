@@ -84,7 +84,7 @@ impl KeyFile {
     /// The keys in their order.
     #[must_use]
     pub fn entries(&self) -> Vec<KeyEntry> {
-        self.keys().map(|key| entry(key)).collect()
+        self.keys().map(entry).collect()
     }
 
     /// Makes a key for a new owner, and gives it.

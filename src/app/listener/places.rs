@@ -151,3 +151,55 @@ impl Drop for Place {
 fn lock(held: &Mutex<Held>) -> std::sync::MutexGuard<'_, Held> {
     held.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn places(count: usize, milliseconds: u64) -> Places {
+        let time = Duration::from_millis(milliseconds);
+        Places::new(count, Patience { idle: time, slow: time, body_rate_min: 1e3 })
+    }
+
+    #[tokio::test]
+    async fn a_connection_without_a_request_gives_its_place_up_and_one_that_is_served_does_not() {
+        let places = places(2, 0);
+        let (served, idle) = (places.take().await, places.take().await);
+        served.turn.ours();
+        let leaving = async {
+            idle.leave.cancelled().await;
+            drop(idle);
+        };
+        let (next, ()) = tokio::join!(places.take(), leaving);
+        assert!(!next.is_spare() && !served.leave.is_cancelled());
+    }
+
+    #[tokio::test]
+    async fn while_all_are_served_the_spare_places_are_given_and_then_the_oldest_that_waits_goes() {
+        let places = places(1, 60_000);
+        let served = places.take().await;
+        served.turn.ours();
+        let mut spare = Vec::new();
+        let mut waiting = Vec::new();
+        for _ in 0..SPARE {
+            let place = Arc::new(places.take().await);
+            place.turn.ours();
+            assert!(place.is_spare());
+            waiting.push(tokio::spawn({
+                let place = Arc::clone(&place);
+                async move { place.wait_for_open().await }
+            }));
+            tokio::task::yield_now().await;
+            spare.push(place);
+        }
+        let oldest = async {
+            assert!(!waiting.remove(0).await.unwrap(), "it is to answer that there is no place");
+            drop(spare.remove(0));
+        };
+        let (next, ()) = tokio::join!(places.take(), oldest);
+        assert!(next.is_spare());
+        drop(served);
+        assert!(waiting.remove(0).await.unwrap(), "who waits longest gets the place that is free");
+        assert!(!spare[0].is_spare());
+    }
+}

@@ -120,12 +120,15 @@ impl Turn {
 
     fn body(&self, polled: &Poll<Option<u64>>) {
         let mut state = self.state();
-        match (&mut state.0, polled) {
-            (Wait::Body(_), Poll::Pending) => {}
-            (wait, Poll::Pending) => *wait = Wait::Body(Rate::new()),
-            (Wait::Body(rate), Poll::Ready(Some(bytes))) => rate.add(*bytes, self.patience.slow),
-            (_, Poll::Ready(Some(_))) => {}
-            (wait, Poll::Ready(None)) => *wait = Wait::Us,
+        match polled {
+            Poll::Pending if matches!(state.0, Wait::Body(_)) => {}
+            Poll::Pending => state.0 = Wait::Body(Rate::new()),
+            Poll::Ready(None) => state.0 = Wait::Us,
+            Poll::Ready(Some(bytes)) => {
+                if let Wait::Body(rate) = &mut state.0 {
+                    rate.add(*bytes, self.patience.slow);
+                }
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 pub(super) mod bases;
 pub(super) mod bases_files;
 pub(super) mod capabilities;
+pub(super) mod cloud_name;
 pub(super) mod clouds;
 pub(super) mod coefficients;
 pub(super) mod distances;

@@ -12,6 +12,7 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
+use super::cloud_name;
 use super::clouds::CloudView;
 use super::idempotency::{self, IdempotencyKey, Key};
 use super::jobs;
@@ -70,23 +71,12 @@ pub(crate) const UPLOAD: &[Argument] = &[
     },
 ];
 
-/// What the cloud is called in listings.
-const NAME: &[Argument] = &[Argument {
-    name: "name",
-    alias: Some("file_name"),
-    accepts: Accepts::Text,
-    default: "that of the file: the end of the path, or of the part of a multipart body",
-    meaning: "Name of the cloud in listings, 200 characters at most. Content that is there already keeps its name.",
-}];
-/// Characters of a name.
-const NAME_LENGTH_MAX: usize = 200;
-
 /// JSON of `POST /clouds/{id}/jobs` is small.
 const JOB_BYTES_MAX: usize = 64 << 10;
 
 arguments!(
     /// Query of `POST /clouds`.
-    SubmitCloud = UPLOAD, NAME, KIND, PARAMETERS
+    SubmitCloud = UPLOAD, cloud_name::NAME, KIND, PARAMETERS
 );
 
 /// What a submission came to.
@@ -297,7 +287,7 @@ async fn receive(
     if let Some(answered) = replayed(service, &owner, key.as_ref(), wait).await? {
         return Ok(answered);
     }
-    let name = name(arguments.word("name"), upload.file_name.as_deref())?;
+    let name = cloud_name::of(arguments.word("name"), upload.file_name.as_deref())?;
     let format = upload.format(arguments.word("format").and_then(Format::from_name))?;
     let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
     let options = ReadOptions {
@@ -317,30 +307,6 @@ async fn receive(
     }
     remember(service, &owner, key.as_ref(), &submitted).await?;
     answer(service, submitted, wait).await
-}
-
-/// The name that is asked for, else that of the file without folders.
-///
-/// # Errors
-/// A problem: too long, or with characters that cannot be shown.
-fn name(asked: Option<&str>, file: Option<&str>) -> Result<Option<String>, Problem> {
-    let is_shown = |name: &str| {
-        !name.is_empty()
-            && name.chars().count() <= NAME_LENGTH_MAX
-            && !name.contains(|c: char| c.is_control())
-    };
-    match asked {
-        Some(name) if is_shown(name) => Ok(Some(name.to_owned())),
-        Some(_) => Err(Problem::new(
-            Kind::InvalidParameter,
-            format!("`name` is 1 to {NAME_LENGTH_MAX} characters that can be shown"),
-        )
-        .with("parameter", "name")),
-        None => Ok(file
-            .and_then(|file| file.rsplit(['/', '\\']).next())
-            .filter(|name| is_shown(name))
-            .map(str::to_owned)),
-    }
 }
 
 /// Parses and admits, on a compute thread.

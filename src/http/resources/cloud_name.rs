@@ -1,0 +1,58 @@
+//! What a cloud is called in listings: a name that the client gives, or that of its file.
+
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::query::{Accepts, Argument};
+
+/// What the cloud is called in listings.
+pub(crate) const NAME: &[Argument] = &[Argument {
+    name: "name",
+    alias: Some("file_name"),
+    accepts: Accepts::Text,
+    default: "that of the file: the end of the path, or of the part of a multipart body",
+    meaning: "Name of the cloud in listings, 200 characters at most. Content that is there already keeps its name.",
+}];
+/// Characters of a name.
+const NAME_LENGTH_MAX: usize = 200;
+
+/// The name that is asked for, else that of the file without folders.
+///
+/// # Errors
+/// A problem: too long, or with characters that cannot be shown.
+pub(crate) fn of(asked: Option<&str>, file: Option<&str>) -> Result<Option<String>, Problem> {
+    let is_shown = |name: &str| {
+        !name.is_empty()
+            && name.chars().count() <= NAME_LENGTH_MAX
+            && !name.contains(|c: char| c.is_control())
+    };
+    match asked {
+        Some(name) if is_shown(name) => Ok(Some(name.to_owned())),
+        Some(_) => Err(Problem::new(
+            Kind::InvalidParameter,
+            format!("`name` is 1 to {NAME_LENGTH_MAX} characters that can be shown"),
+        )
+        .with("parameter", "name")),
+        None => Ok(file
+            .and_then(|file| file.rsplit(['/', '\\']).next())
+            .filter(|name| is_shown(name))
+            .map(str::to_owned)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cloud_is_called_like_its_file_unless_it_is_told_otherwise() {
+        let named = |asked, file| of(asked, file).map_err(|problem| problem.kind());
+        assert_eq!(named(None, Some("scans/head.ply")), Ok(Some("head.ply".to_owned())));
+        assert_eq!(named(None, Some("C:\\scans\\head.ply")), Ok(Some("head.ply".to_owned())));
+        assert_eq!(named(Some("the bust"), Some("head.ply")), Ok(Some("the bust".to_owned())));
+        assert_eq!(named(None, None), Ok(None));
+        // A file's name is not the client's choice of words: what cannot be shown is left out.
+        assert_eq!(named(None, Some("a\nb")), Ok(None));
+        for refused in ["", "a\nb", &"x".repeat(NAME_LENGTH_MAX + 1)] {
+            assert_eq!(named(Some(refused), None), Err(Kind::InvalidParameter), "{refused:?}");
+        }
+    }
+}
