@@ -30,6 +30,15 @@ dependencies:
 test:
     cargo test
 
+# The tests on scans, where these are; they are no part of the project
+scans:
+    if [ -d ../shared/data ]; then cargo test --test scans --test numerics -- --ignored; else echo 'SKIPPED: ../shared/data is not there.'; fi
+
+# The library without its server: builds, and passes its own tests
+library:
+    cargo clippy --locked --no-default-features --lib -- -D warnings
+    cargo test --locked --no-default-features --lib --test numerics --test architecture
+
 # The synthetic scan through the whole service
 demo:
     cargo run --locked --release -- demo --exit

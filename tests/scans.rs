@@ -1,26 +1,17 @@
-//! Real scans are read whole, where they are at hand.
+//! Real scans are read whole, where they are at hand: `cargo test --test scans -- --ignored`.
 #![allow(clippy::unwrap_used, missing_docs)] // a test that cannot go on has failed
 
-use std::io::Write as _;
 use std::path::Path;
 
 use chladni::cloud::PointCloud;
 use chladni::cloud::reader::{Format, ReadOptions, read};
 
-fn scan(name: &str) -> Option<PointCloud> {
+fn scan(name: &str) -> PointCloud {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
-    let Ok(bytes) = std::fs::read(&path) else {
-        // not println!, which the test harness keeps to itself when a test passes
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED: {} is not there; the project does not carry scans",
-            path.display()
-        );
-        return None;
-    };
+    let bytes = std::fs::read(&path).unwrap();
     let format = Format::sniff(&bytes);
     assert_eq!(format, path.extension().and_then(|extension| Format::from_extension(extension.to_str()?)));
-    Some(read(&bytes, format.unwrap(), &ReadOptions::default()).unwrap())
+    read(&bytes, format.unwrap(), &ReadOptions::default()).unwrap()
 }
 
 /// V − E + F of a closed or open triangle mesh, counted over the vertices that faces use.
@@ -41,34 +32,34 @@ fn euler_characteristic(cloud: &PointCloud) -> i64 {
 }
 
 #[test]
+#[ignore = "needs the scans in ../shared/data: run with --ignored where they are"]
 fn the_strips_of_igea_close_to_a_sphere() {
     // Igea is a closed head: 134,345 vertices, and by Euler's formula 2·134,345 − 4 triangles.
-    if let Some(cloud) = scan("igea.ply") {
-        assert_eq!((cloud.len(), cloud.faces().len()), (134_345, 268_686));
-        assert_eq!(euler_characteristic(&cloud), 2);
-    }
+    let cloud = scan("igea.ply");
+    assert_eq!((cloud.len(), cloud.faces().len()), (134_345, 268_686));
+    assert_eq!(euler_characteristic(&cloud), 2);
 }
 
 #[test]
+#[ignore = "needs the scans in ../shared/data: run with --ignored where they are"]
 fn the_meshes_in_obj_have_their_counts_and_topology() {
     // Vertices and faces as `grep -c '^v '` and `'^f '` count them. The bunny has five holes: χ = 2 − 5.
     for (name, points, faces, characteristic) in
         [("bunny.obj", 35_947, 69_451, -3), ("spot.obj", 2_930, 5_856, 2), ("fandisk.obj", 6_475, 12_946, 2)]
     {
-        if let Some(cloud) = scan(name) {
-            assert_eq!((cloud.len(), cloud.faces().len()), (points, faces), "{name}");
-            assert_eq!(euler_characteristic(&cloud), characteristic, "{name}");
-        }
+        let cloud = scan(name);
+        assert_eq!((cloud.len(), cloud.faces().len()), (points, faces), "{name}");
+        assert_eq!(euler_characteristic(&cloud), characteristic, "{name}");
     }
 }
 
 #[test]
+#[ignore = "needs the scans in ../shared/data: run with --ignored where they are"]
 fn the_csv_of_a_sphere_lies_on_the_sphere() {
-    if let Some(cloud) = scan("sphere48.csv") {
-        assert_eq!((cloud.len(), cloud.dimension()), (48, 3));
-        for point in cloud.coordinates().chunks_exact(3) {
-            let radius = point.iter().map(|x| x * x).sum::<f64>().sqrt();
-            assert!((radius - 1.0).abs() < 1e-9, "{radius}");
-        }
+    let cloud = scan("sphere48.csv");
+    assert_eq!((cloud.len(), cloud.dimension()), (48, 3));
+    for point in cloud.coordinates().chunks_exact(3) {
+        let radius = point.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!((radius - 1.0).abs() < 1e-9, "{radius}");
     }
 }

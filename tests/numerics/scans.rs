@@ -1,7 +1,6 @@
 //! Real scans against the finite-element spectrum of their own meshes.
 #![allow(clippy::unreadable_literal)] // as another program prints them
 
-use std::io::Write as _;
 use std::path::Path;
 
 use chladni::cloud::reader::{Format, ReadOptions, read};
@@ -55,6 +54,7 @@ const FANDISK: [f64; 29] = [
 #[case("spot.obj", &SPOT, PbMhb, 0.025)]
 #[case("fandisk.obj", &FANDISK, Voronoi, 0.01)]
 #[case("fandisk.obj", &FANDISK, PbMhb, 0.007)]
+#[ignore = "needs the scans in ../shared/data: run with --ignored where they are"]
 fn the_points_of_a_scan_have_the_spectrum_of_its_mesh(
     #[case] name: &str,
     #[case] expected: &[f64],
@@ -62,12 +62,7 @@ fn the_points_of_a_scan_have_the_spectrum_of_its_mesh(
     #[case] bound: f64,
 ) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(name);
-    let Ok(bytes) = std::fs::read(&path) else {
-        // not println!, which the test harness keeps to itself when a test passes
-        let path = path.display();
-        let _ = writeln!(std::io::stderr(), "SKIPPED: {path} is not there; the project does not carry scans");
-        return;
-    };
+    let bytes = std::fs::read(&path).unwrap();
     let cloud = read(&bytes, Format::sniff(&bytes).unwrap(), &ReadOptions::default()).unwrap();
     let worst = worst_error(&eigenvalues(&eigen(&cloud, &parameters(operator, 31))), expected);
     assert!(worst <= bound, "{worst}");

@@ -1,13 +1,12 @@
 //! Feature points: found again on another sampling of the same shape [PBMHB §5.5, Fig. 10, 11].
 
-use std::io::Write as _;
-
 use chladni::cloud::reader::{Format, ReadOptions, read};
 use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
 use chladni::cloud::{NonFinite, PointCloud};
 use chladni::harmonics::Surroundings;
 use chladni::harmonics::features::{self, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
 use chladni::operator::OperatorKind::{self, Graph, PbMhb};
+use std::io::Write as _;
 
 use super::Basis;
 use crate::{hashed, parameters};
@@ -64,13 +63,10 @@ fn compare(name: &str, clouds: [&PointCloud; 2], modes: usize) {
 
 /// A scan, thinned evenly and by a density that grows fivefold along its longest axis.
 #[test]
+#[ignore = "needs the scans in ../shared/data: run with --ignored where they are"]
 fn feature_points_of_a_scan_are_found_on_both_samplings() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/igea.ply");
-    let Ok(bytes) = std::fs::read(path) else {
-        // not println!, which the test harness keeps to itself when a test passes
-        let _ = writeln!(std::io::stderr(), "SKIPPED: {path} is not there; the project does not carry scans");
-        return;
-    };
+    let bytes = std::fs::read(path).unwrap();
     let scan = read(&bytes, Format::Ply, &ReadOptions::default()).unwrap();
     let (low, high) = scan.bounding_box().unwrap();
     let thinned = |keep: &dyn Fn(&[f64]) -> f64, seed: u64| {
