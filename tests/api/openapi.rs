@@ -116,6 +116,60 @@ fn visit(name: &str, schema: &Value, faults: &mut Vec<String>) {
     }
 }
 
+/// Lists of an example, and what each has as many entries as: a number beside it, or another list. `a.*` are the
+/// entries of `a`.
+const LENGTHS: [(&str, &str, &str); 18] = [
+    ("Bases", "eigenvalues", "count"),
+    ("Bases", "bases", "count"),
+    ("Bases", "bases.*", "points"),
+    ("Coefficients", "frequencies", "eigenvalues"),
+    ("Coefficients", "fields.*", "eigenvalues"),
+    ("Distances", "values", "points"),
+    ("Filtered", "coordinates", "points"),
+    ("Filtered", "fields.*", "points"),
+    ("Laplacians", "fields.*", "points"),
+    ("Points", "coordinates", "points"),
+    ("Points", "coordinates.*", "dimension"),
+    ("Signatures", "values", "scales"),
+    ("Signatures", "values.*", "points"),
+    ("Similarity", "first", "modes"),
+    ("Similarity", "second", "modes"),
+    ("Spectrum", "raw_eigenvalues", "eigenvalues"),
+    ("Spectrum", "residuals", "eigenvalues"),
+    ("Synthesized", "values.*", "points"),
+];
+
+#[test]
+fn lists_of_an_example_are_as_long_as_the_example_says() {
+    let document = document();
+    for (schema, list, size) in LENGTHS {
+        let example = |field: &str| {
+            let found = example_of(&document["components"]["schemas"][schema], field);
+            found.unwrap_or_else(|| panic!("{schema}.{field} has no example"))
+        };
+        let length = |value: &Value| value.as_array().map(Vec::len).unwrap();
+        let expected = example(size);
+        let expected = expected.as_u64().map_or_else(|| length(&expected), |number| number as usize);
+        let value = example(list.trim_end_matches(".*"));
+        let lists: Vec<Value> = match (&value, list.ends_with(".*")) {
+            (Value::Object(map), true) => map.values().cloned().collect(),
+            (Value::Array(lists), true) => lists.clone(),
+            _ => vec![value.clone()],
+        };
+        assert!(
+            !lists.is_empty() && lists.iter().all(|list| length(list) == expected),
+            "{schema}.{list}: {value}"
+        );
+    }
+}
+
+/// The example of a field, wherever the schema has it.
+fn example_of(schema: &Value, field: &str) -> Option<Value> {
+    let parts = ["allOf", "oneOf"].into_iter().filter_map(|part| schema[part].as_array()).flatten();
+    let own = schema["properties"][field]["examples"].get(0).cloned();
+    own.or_else(|| parts.filter_map(|part| example_of(part, field)).next())
+}
+
 fn refers(schema: &Value) -> bool {
     schema.get("$ref").is_some()
         || schema["oneOf"].as_array().is_some_and(|parts| parts.iter().any(|part| part.get("$ref").is_some()))
