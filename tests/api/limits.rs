@@ -312,7 +312,7 @@ async fn a_client_that_takes_no_answer_is_closed() {
     let service = Service { client: reqwest::Client::new(), ..service };
     let mut deaf = TcpStream::connect(service.app.address()).unwrap();
     deaf.write_all(format!("GET {path}?format=json HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).unwrap();
-    let answered = service.client.get(service.url("/livez")).timeout(Duration::from_mins(1)).send();
+    let answered = service.client.get(service.url("/clouds")).timeout(Duration::from_mins(1)).send();
     assert_eq!(answered.await.unwrap().status(), StatusCode::OK, "the only place is free again");
     drop(deaf);
 }

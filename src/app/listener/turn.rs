@@ -17,8 +17,8 @@ enum Wait {
     Request(Instant),
     /// For us: the client can do nothing.
     Us,
-    /// For the rest of a request's body.
-    Body(Rate),
+    /// For the rest of a request's body; since a moment for us, who have not asked for more of it.
+    Body { rate: Rate, ours_since: Option<Instant> },
 }
 
 /// Bytes by time: of the last whole window, and of the present one.
@@ -100,8 +100,8 @@ impl Turn {
             // The last bytes of an answer may still be on their way.
             _ if state.1.is_some() => deaf,
             Wait::Request(since) => long(*since, self.patience.idle).map(Claim::Idle),
-            Wait::Us => None,
-            Wait::Body(rate) => rate
+            Wait::Us | Wait::Body { ours_since: Some(_), .. } => None,
+            Wait::Body { rate, ours_since: None } => rate
                 .get(self.patience.slow)
                 .filter(|rate| *rate < self.patience.body_rate_min)
                 .map(Claim::Trickling),
@@ -120,15 +120,18 @@ impl Turn {
 
     fn body(&self, polled: &Poll<Option<u64>>) {
         let mut state = self.state();
-        match polled {
-            Poll::Pending if matches!(state.0, Wait::Body(_)) => {}
-            Poll::Pending => state.0 = Wait::Body(Rate::new()),
-            Poll::Ready(None) => state.0 = Wait::Us,
-            Poll::Ready(Some(bytes)) => {
-                if let Wait::Body(rate) = &mut state.0 {
-                    rate.add(*bytes, self.patience.slow);
-                }
+        match (polled, &mut state.0) {
+            (Poll::Pending, Wait::Body { rate, ours_since }) => {
+                // The client is not to blame for the time that we took.
+                rate.since += ours_since.take().map_or(Duration::ZERO, |since| since.elapsed());
             }
+            (Poll::Pending, wait) => *wait = Wait::Body { rate: Rate::new(), ours_since: None },
+            (Poll::Ready(None), wait) => *wait = Wait::Us,
+            (Poll::Ready(Some(bytes)), Wait::Body { rate, ours_since }) => {
+                rate.add(*bytes, self.patience.slow);
+                *ours_since = Some(Instant::now());
+            }
+            (Poll::Ready(Some(_)), _) => {}
         }
     }
 
@@ -221,7 +224,7 @@ impl<B> Drop for Receiving<B> {
     /// What reads the body may leave it before its end.
     fn drop(&mut self) {
         let mut state = self.turn.state();
-        if matches!(state.0, Wait::Body(_)) {
+        if matches!(state.0, Wait::Body { .. }) {
             state.0 = Wait::Us;
         }
     }
@@ -296,15 +299,16 @@ mod tests {
     }
 
     #[test]
-    fn a_body_that_moves_keeps_its_place() {
-        let turn = turn(0);
-        turn.ours();
-        turn.body(&Poll::Pending);
-        turn.body(&Poll::Ready(Some(1 << 30)));
+    fn a_body_that_moves_or_that_we_do_not_ask_for_keeps_its_place() {
         let rate = Rate { since: Instant::now(), bytes: 0, before: Some(5e3) };
-        turn.state().0 = Wait::Body(rate);
         assert_eq!(rate.get(Duration::from_mins(1)), Some(5e3), "by the window before");
-        assert!(turn.claim().is_some(), "by the present one, once it has passed");
+        let turn = turn(0);
+        turn.body(&Poll::Pending);
+        assert!(turn.claim().is_some(), "by the present window, once it has passed");
+        turn.body(&Poll::Ready(Some(1)));
+        assert_eq!(turn.claim(), None, "it is our turn");
+        turn.body(&Poll::Pending);
+        assert!(turn.claim().is_some());
     }
 
     #[test]
