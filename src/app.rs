@@ -23,8 +23,8 @@ pub use secret::Secret;
 pub use settings::Settings;
 pub use values::{address, bytes};
 
-use crate::http::{self, Hosts, Keys, KeysError, Service};
-use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, analyses};
+use crate::http::{self, Hosts, Keys, KeysError, Pools, Service};
+use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, Urgency, analyses};
 use crate::metrics::Metrics;
 use crate::store::{Store, StoreError};
 
@@ -66,7 +66,7 @@ pub enum StartError {
     },
     /// The compute threads cannot be started.
     #[error("cannot start the compute threads: {0}")]
-    Threads(String),
+    Threads(#[from] ComputeError),
 }
 
 /// A service that runs until [`Self::shutdown`].
@@ -106,9 +106,13 @@ impl App {
             keys::adopt(keys, &store).await.map_err(|cause| unusable_database(&settings, cause))?;
         }
         let stopping = CancellationToken::new();
-        let threads = |error: ComputeError| StartError::Threads(error.to_string());
-        let computing = Compute::in_background("compute", settings.threads()).map_err(threads)?;
-        let compute = Compute::new("read", settings.threads()).map_err(threads)?;
+        let pool = |name, urgency| Compute::with_urgency(name, settings.threads(), urgency);
+        let computing = pool("compute", Urgency::Background)?;
+        let pools = Pools {
+            reading: pool("read", Urgency::Prompt)?,
+            answering: pool("answer", Urgency::Answers)?,
+            compressing: pool("compress", Urgency::Answers)?,
+        };
         let metrics = Arc::new(Metrics::default());
         let jobs_settings = JobsSettings { metrics: Arc::clone(&metrics), ..settings.jobs() };
         let jobs = Jobs::start(store.clone(), computing, analyze, jobs_settings).await;
@@ -118,7 +122,7 @@ impl App {
         let hosts = Hosts::new(address.ip(), &settings.allowed_hosts);
         let service = Service::new(
             store.clone(),
-            compute,
+            pools,
             Arc::clone(&jobs),
             limits,
             accepted,

@@ -45,9 +45,9 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_MEMORY_BUDGET", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().memory_budget)]
     pub memory_budget: u64,
 
-    /// Bytes of memory for the bodies of requests and what they are parsed into, of which a body takes five times its
-    /// size, and half as many again for large answers and what they are made of; 0 for a quarter of what the machine or
-    /// container has.
+    /// Bytes of memory for the bodies of requests and what they are parsed into, of which a body takes five times what has
+    /// come of it, and half as many again for large answers and what they are made of; 0 for a quarter of what the
+    /// machine or container has. No key holds more than half of it.
     #[arg(long, env = "CHLADNI_BODY_MEMORY", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().body_memory)]
     pub body_memory: u64,
 
@@ -103,6 +103,11 @@ pub struct Settings {
     /// Seconds for the body of a request.
     #[arg(long, env = "CHLADNI_BODY_SECONDS", value_name = "SECONDS", default_value_t = Self::default().body_seconds)]
     pub body_seconds: u64,
+
+    /// Bytes per second that the body of a request brings at least, on average over the seconds of `--stall-seconds`; 0 for
+    /// none. Clients that are slower are given up.
+    #[arg(long, env = "CHLADNI_BODY_RATE_MIN", value_name = "BYTES", default_value_t = Self::default().body_rate_min)]
+    pub body_rate_min: u64,
 
     /// Seconds without a byte of a body, or of an answer taken, after which the client is given up.
     #[arg(long, env = "CHLADNI_STALL_SECONDS", value_name = "SECONDS", default_value_t = Self::default().stall_seconds)]
@@ -167,6 +172,7 @@ impl Default for Settings {
             connections_max: 1024,
             header_seconds: 15,
             body_seconds: 3600,
+            body_rate_min: 16 << 10,
             stall_seconds: 30,
             grace_seconds: 20,
             keep_jobs_days: None,
@@ -238,6 +244,7 @@ impl Settings {
             decoded_bytes: self.max_decoded,
             decoded_ratio_max: self.ratio_max,
             body_time: Duration::from_secs(self.body_seconds),
+            body_rate_min: self.body_rate_min,
             stall: self.stall(),
             header_time: Duration::from_secs(self.header_seconds),
             connections_max: self.connections_max.max(1),

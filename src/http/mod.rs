@@ -20,7 +20,7 @@ use utoipa::openapi::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-pub use service::{Limits, Service};
+pub use service::{Limits, Pools, Service};
 pub use wire::guard::{Hosts, NoPlace};
 pub use wire::keys::{Keys, KeysError};
 pub use wire::problem::{Problem, ProblemDocument};
@@ -34,7 +34,7 @@ use resources::{
 use service::Shared;
 use wire::paths::Paths;
 use wire::problem::Kind;
-use wire::{body, compress, cors, drain, guard, keys, owners, request};
+use wire::{compress, cors, drain, guard, keys, owners, request};
 
 /// Every route, and the documents of those in the OpenAPI description.
 fn routes() -> OpenApiRouter<Shared> {
@@ -92,7 +92,6 @@ pub fn router(service: Service) -> Router {
         .route("/clouds/", axum::routing::post(submission::post_cloud).put(submission::put_cloud))
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
-        .layer(middleware::from_fn_with_state(Arc::clone(&service), body::bound))
         .layer(middleware::from_fn_with_state(Arc::clone(&service), owners::only_own))
         .layer(DefaultBodyLimit::disable())
         .layer(Extension(&DESCRIPTION))
@@ -103,8 +102,7 @@ pub fn router(service: Service) -> Router {
         .layer(cors)
         .layer(middleware::from_fn(request::identify))
         .layer(middleware::from_fn_with_state(metrics, metrics::measure))
-        .layer(compress::layer())
-        .layer(middleware::from_fn(compress::weaken_tags))
+        .layer(middleware::from_fn_with_state(Arc::clone(&service), compress::compress))
         .with_state(service)
 }
 

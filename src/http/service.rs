@@ -6,10 +6,9 @@ use std::time::Duration;
 use axum::http::HeaderValue;
 use tokio_util::sync::CancellationToken;
 
-use super::wire::answer_memory::AnswerMemory;
-use super::wire::body_memory::BodyMemory;
 use super::wire::guard::Hosts;
 use super::wire::keys::Keys;
+use super::wire::memory::MemoryBudget;
 use crate::cloud::reader;
 use crate::jobs::{Compute, Jobs};
 use crate::metrics::Metrics;
@@ -26,6 +25,8 @@ pub struct Limits {
     pub decoded_ratio_max: u64,
     /// Time for a request's body.
     pub body_time: Duration,
+    /// Bytes per second that a body brings at least, on average over the time of `stall`; 0 for none.
+    pub body_rate_min: u64,
     /// Pause in a body, or in the taking of an answer, after which the client is given up.
     pub stall: Duration,
     /// Time for a request's head.
@@ -52,20 +53,33 @@ pub struct Limits {
     pub reader: reader::Limits,
 }
 
+/// Threads for what takes too long for tokio's: a pool for each kind of work, so that none queues behind another.
+#[derive(Debug, Clone)]
+pub struct Pools {
+    /// Parses what is sent.
+    pub reading: Compute,
+    /// Makes answers.
+    pub answering: Compute,
+    /// Compresses answers piece by piece.
+    pub compressing: Compute,
+}
+
 /// What the handlers work with.
 pub struct Service {
     /// The database.
     pub(super) store: Store,
-    /// Threads that parse and encode, apart from those that analyse.
+    /// Threads that parse what is sent, apart from those that make answers.
+    pub(super) reading: Compute,
+    /// Threads that make answers, apart from those that analyse.
     pub(super) compute: Compute,
+    /// Threads that compress answers piece by piece.
+    pub(super) compressing: Compute,
     /// The workers, to be woken when a job was queued.
     pub(super) jobs: Arc<Jobs>,
     /// Limits.
     pub(super) limits: Limits,
-    /// What bodies share.
-    pub(super) body_memory: BodyMemory,
-    /// What large answers share.
-    pub(super) answer_memory: AnswerMemory,
+    /// What bodies and large answers share.
+    pub(super) memory: MemoryBudget,
     /// Origins of pages that may use the service from browsers; `*` is any.
     pub(super) origins: Vec<HeaderValue>,
     /// Names under which it answers where no key is asked for; `None` is any.
@@ -83,23 +97,24 @@ impl Service {
     #[must_use]
     pub fn new(
         store: Store,
-        compute: Compute,
+        pools: Pools,
         jobs: Arc<Jobs>,
         limits: Limits,
         keys: Option<Keys>,
         metrics: Arc<Metrics>,
         stopping: CancellationToken,
     ) -> Self {
-        let body_memory = BodyMemory::new(limits.body_memory, limits.stall);
-        let answer_memory = AnswerMemory::new(limits.body_memory / 2, limits.stall);
+        let memory = MemoryBudget::new(limits.body_memory, limits.stall);
+        let Pools { reading, answering: compute, compressing } = pools;
         let (origins, hosts) = (Vec::new(), None);
         Self {
             store,
+            reading,
             compute,
+            compressing,
             jobs,
             limits,
-            body_memory,
-            answer_memory,
+            memory,
             origins,
             hosts,
             keys,

@@ -1,4 +1,4 @@
-//! Waiting for the end of jobs, and when to ask again.
+//! Waiting for the end of jobs.
 
 use std::time::Duration;
 
@@ -10,10 +10,9 @@ use super::notation::parse_id;
 use super::service::Service;
 use super::wire::problem::{Kind, Problem};
 use super::wire::query::{Accepts, Argument, Arguments};
+use super::wire::retry;
 use crate::store::{JobRecord, JobState};
 
-/// Seconds between looks at an unfinished job, for clients that do not use `?wait=`.
-pub(crate) const RETRY_SECONDS: u64 = 1;
 /// Longest `?wait=`, in seconds.
 pub(crate) const WAIT_SECONDS_MAX: u64 = 60;
 /// Waiting, which every result offers.
@@ -73,7 +72,7 @@ fn without_result(job: &JobRecord) -> Option<Problem> {
                 job.id
             ),
         )
-        .with_header(header::RETRY_AFTER, RETRY_SECONDS.to_string())
+        .with_header(header::RETRY_AFTER, retry::JOB_SECONDS.to_string())
         .with("progress", job.progress),
         JobState::Failed => job.failure.as_ref().map_or_else(
             || Problem::new(Kind::JobFailed, format!("job {} failed", job.id)),

@@ -3,8 +3,10 @@
 use std::any::Any;
 use std::fmt;
 use std::future::Future;
+use std::io::{self, Seek, SeekFrom, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use tokio::sync::oneshot;
@@ -12,13 +14,84 @@ use tokio::sync::oneshot;
 /// Recursive factorizations and tree builds run deeper than the 2 MiB that threads get by default.
 const STACK_BYTES: usize = 16 << 20;
 
-/// Of 19: the least share that still leaves analyses a tenth of a core that others want too.
-const NICENESS: i32 = 10;
+/// How far a pool's threads give way to others: to those that talk to clients above all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Urgency {
+    /// They give way to nobody.
+    Prompt,
+    /// They make large answers, and give way to threads that are done in a moment.
+    Answers,
+    /// They analyse, for up to hours.
+    Background,
+}
+
+impl Urgency {
+    /// Of 19: in the background, the least share that still leaves a tenth of a core that others want too.
+    fn niceness(self) -> i32 {
+        match self {
+            Self::Prompt => 0,
+            Self::Answers => 5,
+            Self::Background => 10,
+        }
+    }
+}
+
+/// Tells work whether anybody still waits for it.
+#[derive(Debug, Clone, Default)]
+pub struct Wanted(Arc<AtomicBool>);
+
+impl Wanted {
+    /// Whether anybody still waits. Work that goes on for long asks between its pieces.
+    #[must_use]
+    pub fn is_wanted(&self) -> bool {
+        !self.0.load(Ordering::Relaxed)
+    }
+
+    /// `inner`, which fails once nobody waits any more.
+    pub fn writer<W: Write>(&self, inner: W) -> WantedWriter<W> {
+        WantedWriter { wanted: self.clone(), inner }
+    }
+}
+
+/// A writer that fails, by [`io::ErrorKind::ConnectionAborted`], once nobody waits for what is written.
+#[derive(Debug)]
+pub struct WantedWriter<W> {
+    wanted: Wanted,
+    inner: W,
+}
+
+impl<W: Write> Write for WantedWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if !self.wanted.is_wanted() {
+            return Err(io::Error::new(io::ErrorKind::ConnectionAborted, "nobody waits for it any more"));
+        }
+        self.inner.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+impl<W: Seek> Seek for WantedWriter<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.inner.seek(to)
+    }
+}
+
+/// Says that nobody waits any more when it is dropped.
+struct Waiting(Wanted);
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        self.0.0.store(true, Ordering::Relaxed);
+    }
+}
 
 /// A private pool of threads for numerical work, apart from tokio's and from rayon's global one.
 ///
-/// Work waits until a thread is free, so work that answers a request must not share a pool with analyses, which run for
-/// an hour: the service makes one pool for each and leaves it to the operating system to share the cores.
+/// Work waits until a thread is free, so what is done in a moment must not share a pool with what takes long: the service
+/// makes a pool for each kind of work and leaves it to the operating system to share the cores.
 #[derive(Clone)]
 pub struct Compute {
     pool: Arc<ThreadPool>,
@@ -36,30 +109,25 @@ pub enum ComputeError {
 }
 
 impl Compute {
-    /// A pool of `threads` threads, called `name-0` and so on.
+    /// A pool of `threads` threads, called `name-0` and so on, that give way to nobody.
     ///
     /// # Errors
     /// [`ComputeError::Threads`].
     pub fn new(name: &'static str, threads: usize) -> Result<Self, ComputeError> {
-        Self::with(name, threads, |_| {})
+        Self::with_urgency(name, threads, Urgency::Prompt)
     }
 
-    /// As [`Self::new`], with threads that give way to all others: to those that answer requests above all.
+    /// As [`Self::new`], of threads that give way to more urgent ones.
     ///
     /// # Errors
     /// [`ComputeError::Threads`].
-    pub fn in_background(name: &'static str, threads: usize) -> Result<Self, ComputeError> {
-        Self::with(name, threads, |_| {
-            // On Linux a thread has a niceness of its own. Without it everything works, only later.
-            let _ = rustix::process::nice(NICENESS);
-        })
-    }
-
-    fn with(
-        name: &'static str,
-        threads: usize,
-        begin: impl Fn(usize) + Send + Sync + 'static,
-    ) -> Result<Self, ComputeError> {
+    pub fn with_urgency(name: &'static str, threads: usize, urgency: Urgency) -> Result<Self, ComputeError> {
+        let begin = move |_| {
+            if urgency != Urgency::Prompt {
+                // On Linux a thread has a niceness of its own. Without it everything works, only later.
+                let _ = rustix::process::nice(urgency.niceness());
+            }
+        };
         let pool = ThreadPoolBuilder::new()
             .num_threads(threads.max(1))
             .thread_name(move |index| format!("{name}-{index}"))
@@ -76,8 +144,9 @@ impl Compute {
         self.pool.current_num_threads()
     }
 
-    /// Starts `work` on the pool at once; the future waits for it. Parallel iterators inside it stay on the pool. Dropping
-    /// the future does not stop the work: pass a [`crate::progress::Progress`] in and cancel that.
+    /// Starts `work` on the pool at once; the future waits for it. Parallel iterators inside it stay on the pool. Work that
+    /// has not begun when the future is dropped never begins; work that runs is not stopped: see
+    /// [`Self::run_while_wanted`].
     ///
     /// # Errors
     /// [`ComputeError::Panicked`]: a panic in the numerics ends the computation, not the service.
@@ -89,14 +158,37 @@ impl Compute {
         T: Send + 'static,
         F: FnOnce() -> T + Send + 'static,
     {
+        self.run_while_wanted(move |_| work())
+    }
+
+    /// As [`Self::run`], for work that is long enough to ask between its pieces whether anybody still waits for it.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_while_wanted<T, F>(
+        &self,
+        work: F,
+    ) -> impl Future<Output = Result<T, ComputeError>> + Send + 'static + use<T, F>
+    where
+        T: Send + 'static,
+        F: FnOnce(&Wanted) -> T + Send + 'static,
+    {
         let (tell, told) = oneshot::channel();
+        let wanted = Wanted::default();
+        let waiting = Waiting(wanted.clone());
         self.pool.spawn(move || {
+            if !wanted.is_wanted() {
+                return;
+            }
             // What the work shares with others, it shares behind locks and atomics that panics leave readable.
-            let result = catch_unwind(AssertUnwindSafe(work));
+            let result = catch_unwind(AssertUnwindSafe(|| work(&wanted)));
             // Nobody may be waiting any more.
             let _ = tell.send(result.map_err(|panic| ComputeError::Panicked(words(&*panic))));
         });
-        async { told.await.unwrap_or_else(|_| Err(ComputeError::Panicked("its result was lost".to_owned()))) }
+        async move {
+            let _waiting = waiting;
+            told.await.unwrap_or_else(|_| Err(ComputeError::Panicked("its result was lost".to_owned())))
+        }
     }
 }
 
@@ -146,20 +238,47 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn work_whose_future_is_dropped_still_runs() {
+    async fn work_that_nobody_waits_for_never_begins() {
         let compute = Compute::new("sand", 1).unwrap();
-        let (tell, told) = oneshot::channel();
+        let (begin, begun) = std::sync::mpsc::channel();
+        let occupied = compute.run(move || begun.recv().unwrap());
+        let (tell, mut told) = oneshot::channel();
         drop(compute.run(move || tell.send(()).unwrap()));
-        told.await.unwrap();
+        begin.send(()).unwrap();
+        occupied.await.unwrap();
+        compute.run(|| ()).await.unwrap();
+        assert!(matches!(told.try_recv(), Err(oneshot::error::TryRecvError::Closed)));
     }
 
     #[tokio::test]
-    async fn threads_in_the_background_give_way_and_others_do_not() {
+    async fn work_is_told_between_its_pieces_that_nobody_waits_any_more() {
+        let compute = Compute::new("sand", 1).unwrap();
+        let (tell, told) = oneshot::channel();
+        let (begin, mut begun) = oneshot::channel();
+        let endless = compute.run_while_wanted(move |wanted| {
+            begin.send(()).unwrap();
+            let mut writer = wanted.writer(io::sink());
+            while writer.write_all(b"sand").is_ok() {}
+            tell.send(wanted.is_wanted()).unwrap();
+        });
+        let mut endless = Box::pin(endless);
+        assert!(futures_util::poll!(&mut endless).is_pending());
+        while begun.try_recv().is_err() {
+            tokio::task::yield_now().await;
+        }
+        drop(endless);
+        assert!(!told.await.unwrap());
+        assert_eq!(compute.run(|| 5).await, Ok(5));
+    }
+
+    #[tokio::test]
+    async fn threads_give_way_by_their_urgency() {
         let niceness = || rustix::process::getpriority_process(None).unwrap();
         let own = niceness();
-        let background = Compute::in_background("sand", 1).unwrap();
-        assert_eq!(background.run(niceness).await, Ok((own + NICENESS).min(19)));
-        assert_eq!(Compute::new("sand", 1).unwrap().run(niceness).await, Ok(own));
+        for urgency in [Urgency::Prompt, Urgency::Answers, Urgency::Background] {
+            let compute = Compute::with_urgency("sand", 1, urgency).unwrap();
+            assert_eq!(compute.run(niceness).await, Ok((own + urgency.niceness()).min(19)), "{urgency:?}");
+        }
         assert_eq!(niceness(), own);
     }
 

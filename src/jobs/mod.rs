@@ -26,7 +26,7 @@ use tokio_util::task::TaskTracker;
 use uuid::Uuid;
 
 pub use analyses::{Analyze, Results, analyses};
-pub use compute::{Compute, ComputeError};
+pub use compute::{Compute, ComputeError, Urgency, Wanted, WantedWriter};
 pub use retention::Retention;
 pub use stored_bases::{BasesError, StoredBases};
 

@@ -17,11 +17,12 @@ use serde_json::Value;
 use crate::service::{Service, detail, file, lines, never_finishing, problem, sphere};
 
 /// Settings that bound something, each with its name in `/capabilities`.
-const LIMITS: [(&str, &str); 19] = [
+const LIMITS: [(&str, &str); 20] = [
     ("max-body", "body_bytes"),
     ("max-decoded", "decoded_bytes"),
     ("ratio-max", "decoded_ratio_max"),
     ("body-seconds", "body_seconds"),
+    ("body-rate-min", "body_rate_min_bytes"),
     ("stall-seconds", "stall_seconds"),
     ("header-seconds", "header_seconds"),
     ("connections-max", "connections_max"),
@@ -138,35 +139,122 @@ async fn a_body_that_the_service_has_no_memory_for_is_refused_with_the_largest_i
     assert_eq!(accepted.status(), StatusCode::CREATED);
 }
 
+/// A client that announces a body, sends `sent` of it, and then nothing until it is dropped.
+fn slow_client(service: &Service, path: &str, announced: usize, sent: &[u8]) -> TcpStream {
+    let mut stream = TcpStream::connect(service.app.address()).unwrap();
+    let head = format!("POST {path} HTTP/1.1\r\nHost: localhost\r\nContent-Length: {announced}\r\n\r\n");
+    stream.write_all(&[head.as_bytes(), sent].concat()).unwrap();
+    stream
+}
+
+/// Waits until the service has received so many bytes.
+async fn received(service: &Service, bytes: usize) {
+    loop {
+        let metrics = service.get("/metrics").await.text().await.unwrap();
+        let line =
+            metrics.lines().find(|line| line.starts_with("chladni_http_received_bytes_total")).unwrap();
+        if line.split(' ').nth(1).unwrap().parse::<f64>().unwrap() >= bytes as f64 {
+            return;
+        }
+    }
+}
+
 #[tokio::test]
 async fn a_body_that_finds_no_memory_free_is_told_when_to_try_again() {
-    // Room for 200 kB; a client that sends slowly holds 150 kB of it.
-    let service = Service::with_settings(|settings| settings.body_memory = 1 << 20).await;
-    let (address, length) = (service.app.address(), 150_000);
-    let (tell, told) = tokio::sync::oneshot::channel();
+    // Room for 2 MB; a client that has sent 1.5 MB goes on byte by byte.
+    let service = Service::with_settings(|settings| {
+        (settings.body_memory, settings.stall_seconds, settings.body_rate_min) = (10 << 20, 2, 0);
+    })
+    .await;
+    let sent = b"1 2 3\n".repeat(250_000);
+    let mut slow = slow_client(&service, "/clouds?format=xyz", 2_000_000, &sent);
     let slow = std::thread::spawn(move || {
-        let mut stream = TcpStream::connect(address).unwrap();
-        let head = format!(
-            "POST /clouds?format=xyz HTTP/1.1\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n1 2 3\n"
-        );
-        stream.write_all(head.as_bytes()).unwrap();
-        let _ = told.blocking_recv();
-    });
-    let chunk = || b"4 5 6\n".repeat(20_000);
-    loop {
-        // Of unknown length, so that it does not wait for room.
-        let body = reqwest::Body::wrap_stream(futures_util::stream::iter([Ok::<_, std::io::Error>(chunk())]));
-        let answer = service.post("/clouds?format=xyz&analyze=false", body).await;
-        if answer.status() == StatusCode::SERVICE_UNAVAILABLE {
-            assert!(answer.headers().contains_key("retry-after"));
-            problem(answer, StatusCode::SERVICE_UNAVAILABLE, "unavailable").await;
-            break;
+        while slow.write_all(b"1").is_ok() {
+            std::thread::sleep(Duration::from_millis(200));
         }
-        // The slow client was not there yet.
-        assert!(answer.status().is_success());
-    }
-    tell.send(()).unwrap();
+    });
+    received(&service, sent.len()).await;
+    let answer = service.post("/clouds?format=xyz&analyze=false", b"4 5 6\n".repeat(250_000)).await;
+    assert!(answer.headers().contains_key("retry-after"));
+    problem(answer, StatusCode::SERVICE_UNAVAILABLE, "unavailable").await;
+    let small = service.post("/clouds?format=xyz&analyze=false", b"4 5 6\n".repeat(20_000)).await;
+    assert_eq!(small.status(), StatusCode::CREATED, "small bodies have room of their own");
+    service.app.shutdown().await;
     slow.join().unwrap();
+}
+
+#[tokio::test]
+async fn what_clients_announce_takes_no_memory() {
+    let service = Service::with_settings(|settings| settings.body_memory = 64 << 20).await;
+    let paths = ["/clouds?format=xyz", "/clouds", "/clouds?analyze=false"];
+    let slow: Vec<_> = (0..200).map(|i| slow_client(&service, paths[i % 3], 10 << 20, b"1 2 3\n")).collect();
+    received(&service, 6 * slow.len()).await;
+    let metrics = service.get("/metrics").await.text().await.unwrap();
+    let taken = metrics.lines().find(|line| line.starts_with("chladni_body_memory_bytes")).unwrap();
+    assert!(taken.split(' ').nth(1).unwrap().parse::<f64>().unwrap() < 6e6, "{taken}");
+    let mut slowest = Duration::ZERO;
+    for number in 0..20 {
+        let began = std::time::Instant::now();
+        let body = format!("{number} 2 3\n").repeat(20_000);
+        let answer = service.post("/clouds?format=xyz&analyze=false", body).await;
+        assert_eq!(answer.status(), StatusCode::CREATED);
+        slowest = slowest.max(began.elapsed());
+    }
+    println!("slowest of 20 uploads of 120 kB beside {} clients that stall: {slowest:?}", slow.len());
+    // A second on a machine that does nothing else; for want of memory it would be the thirty of the stall.
+    assert!(slowest < Duration::from_secs(5));
+    let large = service.post("/clouds?format=xyz&analyze=false", b"4 5 6\n".repeat(1_000_000)).await;
+    assert_eq!(large.status(), StatusCode::CREATED);
+}
+
+#[tokio::test]
+async fn a_body_that_is_slower_than_the_least_rate_is_given_up() {
+    let service = Service::with_settings(|settings| {
+        (settings.stall_seconds, settings.body_rate_min) = (1, 10_000);
+    })
+    .await;
+    let trickle = |bytes: usize| {
+        let pieces = futures_util::stream::unfold(0, move |piece| async move {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+            (piece < 30).then(|| (Ok::<_, std::io::Error>(b"1 2 3\n".repeat(bytes / 6)), piece + 1))
+        });
+        reqwest::Body::wrap_stream(pieces)
+    };
+    let refused = service.post("/clouds?format=xyz", trickle(300)).await;
+    let refused = problem(refused, StatusCode::REQUEST_TIMEOUT, "request-timeout").await;
+    assert!(detail(&refused).contains("slower than 10000 bytes per second"), "{refused}");
+    let accepted = service.post("/clouds?format=xyz&analyze=false", trickle(6000)).await;
+    assert_eq!(accepted.status(), StatusCode::CREATED);
+}
+
+#[tokio::test]
+async fn a_slow_body_holds_nothing_of_what_its_answer_takes() {
+    let service = Service::with_settings(|settings| settings.body_memory = 1 << 20).await;
+    let eigen = service.succeed("bases=20", file(&sphere(2000), Format::Ply)).await;
+    let operator = service.succeed("kind=operator", file(&sphere(2000), Format::Ply)).await;
+    let paths = [
+        format!("/jobs/{eigen}/synthesis"),
+        format!("/jobs/{eigen}/coefficients"),
+        format!("/jobs/{eigen}/filtered"),
+        format!("/jobs/{operator}/laplacian"),
+    ];
+    let slow: Vec<_> = (0..40).map(|i| slow_client(&service, &paths[i % 4], 2000, b"[1, ")).collect();
+    let before = file(&sphere(2000), Format::Ply).len() * 2;
+    received(&service, before + 4 * slow.len()).await;
+    for path in [format!("/jobs/{eigen}/filtered"), format!("/jobs/{eigen}/coefficients")] {
+        assert_eq!(service.get(&path).await.status(), StatusCode::OK, "{path}");
+    }
+}
+
+#[tokio::test]
+async fn a_part_of_a_file_is_refused_with_what_to_do() {
+    let service = Service::start().await;
+    let body = file(&sphere(100), Format::Ply);
+    let range = format!("bytes 100-{}/{}", body.len() - 1, body.len());
+    let request = service.client.put(service.url("/clouds")).header("content-range", range);
+    let refused = request.body(body[100..].to_vec()).send().await.unwrap();
+    let refused = problem(refused, StatusCode::BAD_REQUEST, "malformed-request").await;
+    assert!(detail(&refused).contains("without -C"), "{refused}");
 }
 
 fn gzip(bytes: &[u8]) -> Vec<u8> {

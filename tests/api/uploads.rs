@@ -57,6 +57,30 @@ async fn a_browser_form_is_taken_by_its_first_file_part() {
     assert_eq!(service.json(&location).await["points"], 50);
 }
 
+/// `CHLADNI_MULTIPART_UPLOADS=5000` is the measured run.
+#[tokio::test(flavor = "multi_thread")]
+async fn every_form_arrives_whole() {
+    let uploads: usize =
+        std::env::var("CHLADNI_MULTIPART_UPLOADS").map_or(400, |uploads| uploads.parse().unwrap());
+    let service = Service::start().await;
+    let (client, url) = (service.client.clone(), service.url("/clouds?analyze=false"));
+    let clients = (0..8).map(|number| {
+        let (client, url) = (client.clone(), url.clone());
+        tokio::spawn(async move {
+            for turn in (number..uploads).step_by(8) {
+                let lines = format!("{turn} 1 2\n").repeat(1 + turn * 37 % 5000);
+                let form = Form::new().part("file", Part::bytes(lines.into_bytes()).file_name("scan.xyz"));
+                let answer = client.post(&url).multipart(form).send().await.unwrap();
+                assert_eq!(answer.status(), StatusCode::CREATED, "{turn}: {}", answer.text().await.unwrap());
+            }
+        })
+    });
+    for client in clients.collect::<Vec<_>>() {
+        client.await.unwrap();
+    }
+    println!("{uploads} of {uploads} multipart uploads arrived");
+}
+
 #[tokio::test]
 async fn a_format_that_is_named_or_declared_is_used() {
     let service = Service::start().await;

@@ -99,6 +99,24 @@ fn only_the_store_speaks_sql() {
     });
 }
 
+/// Where a request's body may be read: bounded, drained after an error, or as the bytes of a form that is there already.
+const BODY_READERS: [&str; 3] = ["http/wire/body.rs", "http/wire/drain.rs", "http/wire/upload.rs"];
+/// What reads one.
+const BODY_READING: [&str; 5] = ["into_body", "into_data_stream", "to_bytes", "Multipart", "Form"];
+
+#[test]
+fn request_bodies_are_read_within_their_bounds_only() {
+    for path in sources() {
+        let relative = path.strip_prefix(src()).unwrap();
+        let is_handler =
+            relative.starts_with("http") && !BODY_READERS.iter().any(|file| relative.ends_with(file));
+        let source = without_comments(&fs::read_to_string(&path).unwrap());
+        let imports_request = source.contains("axum::extract") && source.contains("Request");
+        let read = BODY_READING.iter().find(|word| imports_request && names_word(&source, word));
+        assert!(!is_handler || read.is_none(), "{} reads a body by {read:?}", relative.display());
+    }
+}
+
 #[test]
 fn no_file_is_longer_than_a_few_screens() {
     let length = |path: &PathBuf| fs::read_to_string(path).unwrap().lines().count();
@@ -152,6 +170,11 @@ fn assert_clean(violations: impl Fn(&str, &str) -> Vec<String>) {
         all.extend(found.into_iter().map(|what| format!("{} knows {what}", relative.display())));
     }
     assert!(all.is_empty(), "{}", all.join("\n"));
+}
+
+/// Whether `word` stands in `source` by itself.
+fn names_word(source: &str, word: &str) -> bool {
+    source.split(|c: char| !c.is_alphanumeric() && c != '_').any(|found| found == word)
 }
 
 fn src() -> PathBuf {

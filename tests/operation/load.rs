@@ -98,6 +98,86 @@ async fn many_clients_are_served_while_all_cores_compute() {
     }
 }
 
+/// What downloads ask for, as text that is compressed.
+const TEXTS: [&str; 4] =
+    ["bases?format=json&count=5", "bases.csv?count=5", "filtered.csv?cutoff=4", "spectrum.csv"];
+
+/// A client that takes one answer of compressed text after the other until the time is over; the bytes that it took.
+async fn download(client: Client, paths: Vec<String>, number: usize, until: Instant) -> usize {
+    let (mut taken, mut turn) = (0, number);
+    while Instant::now() < until {
+        let request = client.get(&paths[turn % paths.len()]).header("accept-encoding", "gzip");
+        let mut answer = request.send().await.unwrap();
+        assert!(answer.status().is_success(), "{}", answer.status());
+        while let Some(piece) = answer.chunk().await.unwrap() {
+            taken += piece.len();
+            if Instant::now() > until {
+                return taken;
+            }
+        }
+        turn += 1;
+    }
+    taken
+}
+
+/// Half of the clients ask for jobs and submit; the other half take compressed text without a pause.
+#[tokio::test(flavor = "multi_thread")]
+async fn jobs_are_shown_at_once_beside_downloads_of_compressed_text() {
+    let measured = std::env::var("CHLADNI_LOAD_SECONDS").ok();
+    let seconds = measured.as_deref().map_or(3, |seconds| seconds.parse().unwrap());
+    let directory = tempfile::tempdir().unwrap();
+    let process = Process::with(&directory.path().join("texts.db"), &["--queue-max", "1000000"], &[]);
+    let points = if measured.is_some() { 60_000 } else { 10_000 };
+    let eigen = process.submit("bases=10", sphere(points)).await.unwrap();
+    let operator = process.submit("kind=operator", sphere(points)).await.unwrap();
+    for job in [&eigen, &operator] {
+        assert_eq!(process.ended(job).await["state"], "succeeded");
+    }
+    let (points, bases) = if measured.is_some() { (200_000, 1_000) } else { (60_000, 300) };
+    let busy = process.submit(&format!("bases={bases}"), sphere(points)).await.unwrap();
+    while process.json(&format!("/jobs/{busy}?wait=1")).await["state"] == "queued" {}
+    let paths: Vec<String> = TEXTS
+        .iter()
+        .map(|text| format!("{}/jobs/{eigen}/{text}", process.address))
+        .chain([format!("{}/jobs/{operator}/operator.mtx", process.address)])
+        .collect();
+    let until = Instant::now() + Duration::from_secs(seconds);
+    let downloads: Vec<_> = (0..CLIENTS / 2)
+        .map(|number| tokio::spawn(download(Client::new(), paths.clone(), number, until)))
+        .collect();
+    let visits: Vec<_> = (0..CLIENTS / 2)
+        .map(|number| {
+            tokio::spawn(visit(Client::new(), process.address.clone(), busy.clone(), number, until))
+        })
+        .collect();
+    let mut all = Times::default();
+    for visit in visits {
+        let times = visit.await.unwrap();
+        all.shown.extend(times.shown);
+        all.submitted.extend(times.submitted);
+    }
+    let mut taken = 0;
+    for download in downloads {
+        taken += download.await.unwrap();
+    }
+    let shown = quantile(&mut all.shown, 0.99);
+    println!(
+        "{} clients that take {:.1} MB/s of compressed text, {} others, {seconds} s: {} GET /jobs/{{id}}, median {:.1} ms, \
+         p99 {shown:.1} ms; {} PUT /clouds, p99 {:.1} ms",
+        CLIENTS / 2,
+        taken as f64 / seconds as f64 / 1e6,
+        CLIENTS / 2,
+        all.shown.len(),
+        quantile(&mut all.shown, 0.5),
+        all.submitted.len(),
+        quantile(&mut all.submitted, 0.99),
+    );
+    assert!(taken > 0 && !all.shown.is_empty() && !all.submitted.is_empty());
+    if measured.is_some() {
+        assert!(shown < 20.0);
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn uploads_at_the_same_time_stay_within_their_memory_and_all_arrive() {
     const UPLOADS: usize = 50;

@@ -19,6 +19,9 @@ use crate::http::wire::query::{Accepts, Argument, Arguments};
 /// What they can be had as.
 pub(crate) const OFFERS: [Offer; 5] = [JSON, NPY, PLY, NPZ, CSV];
 
+/// Bytes of a number in memory, and as JSON text.
+const BASIS_NUMBER_BYTES: u64 = 8 + 22;
+
 const ARGUMENTS: &[Argument] = &[
     Argument {
         name: "first",
@@ -117,23 +120,27 @@ pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
     let eigenvalues = &spectrum.eigenvalues[bases];
     if offer == JSON {
         asked.refuse_large_json(job.points * eigenvalues.len() as u64)?;
+        // A basis at a time, as numbers and as text; few are on their way.
+        let reservation = asked.reserve(job.points * 2 * BASIS_NUMBER_BYTES).await?;
         let eigenvalues = serde_json::to_string(eigenvalues).map_err(|error| Problem::internal(&error))?;
-        return download.answer(&asked.method, &asked.headers, |_| selection.json(&eigenvalues));
+        return download.answer(&asked.method, &asked.headers, reservation, |_| selection.json(&eigenvalues));
     }
-    let share = service.answer_memory.share(selection.bytes_at_work(kind) + beside).await?;
+    let reservation = asked.reserve(selection.bytes_at_work(kind) + beside).await?;
     let cloud = match offer {
         NPY => None,
         _ => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
     };
-    let answer = match (offer, cloud) {
-        (CSV, Some(cloud)) => download.answer(&asked.method, &asked.headers, |_| selection.csv(cloud)),
+    match (offer, cloud) {
+        (CSV, Some(cloud)) => {
+            download.answer(&asked.method, &asked.headers, reservation, |_| selection.csv(cloud))
+        }
         (NPZ, Some(cloud)) => {
             let mass = service.store.mass(job.id).await?;
             let (planned, eigenvalues) = (selection.clone(), eigenvalues.to_vec());
             let archive = move || planned.archive(&cloud, &eigenvalues, &mass, kind);
             let (layout, open) = service.compute.run(archive).await?;
             download.length = Some(layout.length());
-            download.answer(&asked.method, &asked.headers, |span| {
+            download.answer(&asked.method, &asked.headers, reservation, |span| {
                 let encode = move |chunk| selection.clone().checked_chunk(chunk, kind);
                 layout.stream_sealed(span, encode, |checksum| open.tail(checksum))
             })
@@ -142,12 +149,11 @@ pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
             let (planned, shown) = (selection.clone(), cloud.clone());
             let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
             download.length = Some(layout.length());
-            download.answer(&asked.method, &asked.headers, |span| {
+            download.answer(&asked.method, &asked.headers, reservation, |span| {
                 layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
             })
         }
-    };
-    Ok(share.until_sent(answer?))
+    }
 }
 
 /// The bases that `first` and `count` select of `available`.

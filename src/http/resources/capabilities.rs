@@ -104,6 +104,8 @@ pub(crate) struct LimitsView {
     decoded_ratio_max: u64,
     /// Seconds for a body.
     body_seconds: u64,
+    /// Bytes per second that a body brings at least, on average over `stall_seconds`; 0 for none.
+    body_rate_min_bytes: u64,
     /// Seconds without a byte of a body, or of an answer taken, after which the client is given up.
     stall_seconds: u64,
     /// Seconds for the head of a request.
@@ -225,6 +227,7 @@ impl From<&Limits> for LimitsView {
             decoded_bytes: limits.decoded_bytes,
             decoded_ratio_max: limits.decoded_ratio_max,
             body_seconds: limits.body_time.as_secs(),
+            body_rate_min_bytes: limits.body_rate_min,
             stall_seconds: limits.stall.as_secs(),
             header_seconds: limits.header_time.as_secs(),
             connections_max: limits.connections_max,

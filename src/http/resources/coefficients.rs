@@ -3,15 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use axum::extract::Request;
 use axum::response::Response;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use crate::cloud::ScalarType;
 use crate::cloud::writer::{Column, encode_rows, npy_header};
+use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::filtered::Target;
 use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Energy, Function, Modes, Transformed, transform};
@@ -20,6 +19,7 @@ use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
 use crate::http::results::functions::{self, BANDS, NumberLists, bands, forward, of_own};
 use crate::http::results::per_row::PerRow;
 use crate::http::wire::accept::{JSON, NPY, Offer, PLY};
+use crate::http::wire::body::IncomingBody;
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
 use crate::http::wire::query::Argument;
@@ -99,19 +99,10 @@ pub(crate) async fn coefficients(asked: Asked<ReadCoefficients>) -> Result<Respo
     let store = &asked.service.store;
     let cloud = store.load_cloud(harmonics.job.cloud_id).await?;
     let mass = store.mass(harmonics.job.id).await?;
-    let mut given = Target::Coordinates.functions(&cloud, &mass)?;
-    let mut omitted = BTreeMap::new();
-    for place in 0..cloud.fields().len() {
-        match Target::Fields(vec![place]).functions(&cloud, &mass) {
-            Ok(field) => given.extend(field),
-            Err(error) => {
-                omitted.insert(cloud.fields()[place].name.clone(), error.to_string());
-            }
-        }
-    }
-    let rows_without_result = rows_without_result(&mass);
+    let chosen = asked.service.compute.run(move || own_functions(&cloud, mass));
+    let (given, mass, told) = chosen.await??;
     let (given, found) = of_own(&mut harmonics, given, mass).await?;
-    answer(&asked, harmonics, &given, &found, (rows_without_result, omitted), tag)
+    answer(&asked, harmonics, given, found, told, tag).await
 }
 
 /// Coefficients of posted functions.
@@ -133,53 +124,82 @@ pub(crate) async fn coefficients(asked: Asked<ReadCoefficients>) -> Result<Respo
 )]
 pub(crate) async fn of_posted(
     mut asked: Asked<ReadCoefficients>,
-    request: Request,
+    body: IncomingBody,
 ) -> Result<Response, Problem> {
-    let mut harmonics = asked.harmonics().await?;
-    let given = functions::receive(&asked.service, request).await?;
-    functions::check_length(&given, harmonics.bases.rows())?;
+    let eigen = asked.eigen().await?;
+    let (given, reservation) = functions::receive(&asked.service, body).await?;
+    functions::check_length(&given, eigen.0.points as usize)?;
+    let mut harmonics = asked.harmonics_of(eigen, reservation).await?;
     let mass = asked.service.store.mass(harmonics.job.id).await?;
-    functions::check_finite(&given, &mass)?;
     asked.forget_conditions();
     let tag = harmonics.job.id.simple().to_string();
-    let rows_without_result = rows_without_result(&mass);
+    let checked = asked.service.compute.run(move || {
+        functions::check_finite(&given, &mass)?;
+        let told = Told { rows_without_result: rows_without_result(&mass), omitted: BTreeMap::new() };
+        Ok::<_, Problem>((given, mass, told))
+    });
+    let (given, mass, told) = checked.await??;
     let (given, found) = forward(&mut harmonics, given, mass).await?;
-    answer(&asked, harmonics, &given, &found, (rows_without_result, BTreeMap::new()), tag)
+    answer(&asked, harmonics, given, found, told, tag).await
 }
 
-fn answer(
+/// What is told beside coefficients.
+struct Told {
+    rows_without_result: usize,
+    omitted: BTreeMap<String, String>,
+}
+
+/// The coordinates and fields of a cloud, those left out that are not numbers in every row that takes part.
+fn own_functions(cloud: &PointCloud, mass: Vec<f64>) -> Result<(Vec<Function>, Vec<f64>, Told), Problem> {
+    let mut given = Target::Coordinates.functions(cloud, &mass)?;
+    let mut omitted = BTreeMap::new();
+    for place in 0..cloud.fields().len() {
+        match Target::Fields(vec![place]).functions(cloud, &mass) {
+            Ok(field) => given.extend(field),
+            Err(error) => {
+                omitted.insert(cloud.fields()[place].name.clone(), error.to_string());
+            }
+        }
+    }
+    let told = Told { rows_without_result: rows_without_result(&mass), omitted };
+    Ok((given, mass, told))
+}
+
+async fn answer(
     asked: &Asked<ReadCoefficients>,
     harmonics: Harmonics,
-    given: &[Function],
-    found: &[Transformed],
-    (rows_without_result, omitted): (usize, BTreeMap<String, String>),
+    given: Arc<Vec<Function>>,
+    found: Vec<Transformed>,
+    told: Told,
     tag: String,
 ) -> Result<Response, Problem> {
-    let stem = format!("coefficients-{}", harmonics.job.id);
-    let bytes = if asked.offer == NPY {
-        npy(found)
-    } else {
-        let Harmonics { job, modes, bases, share: _share } = harmonics;
+    let Harmonics { job, modes, bases, reservation } = harmonics;
+    let (offer, bands) = (asked.offer, bands(&asked.arguments));
+    let (stem, points) = (format!("coefficients-{}", job.id), bases.rows());
+    let encode = move || {
+        if offer == NPY {
+            return Ok(npy(&found));
+        }
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
-        let bands = bands(&asked.arguments);
-        let named = || given.iter().map(|function| function.name.clone()).zip(found);
+        let named = || given.iter().map(|function| function.name.clone()).zip(&found);
         let answer = Coefficients {
             job_id: job.id,
             cloud_id: job.cloud_id,
-            points: bases.rows(),
-            rows_without_result,
+            points,
+            rows_without_result: told.rows_without_result,
             eigenvalues: modes.eigenvalues().iter().map(|&lambda| finite(lambda)).collect(),
             frequencies: (0..modes.len()).map(|mode| finite(modes.frequency(mode))).collect(),
             energy: named().map(|(name, found)| (name, Energy::of(found, bands))).collect(),
             fields: named().map(|(name, found)| (name, found.coefficients.clone().into())).collect(),
-            omitted,
+            omitted: told.omitted,
             warnings: job.report.map(|report| report.warnings).unwrap_or_default(),
             clusters: modes.clusters().to_vec(),
         };
-        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))?
+        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
     };
-    let download = Download { offer: asked.offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+    let bytes = asked.service.compute.run(encode).await??;
+    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
+    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
 }
 
 /// Bases × functions, in C order.
@@ -209,10 +229,11 @@ fn npy(found: &[Transformed]) -> Vec<u8> {
         ResultProblems,
     )
 )]
-pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, request: Request) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
-    let given = functions::receive(&asked.service, request).await?;
-    check_coefficients(&given, &modes)?;
+pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, body: IncomingBody) -> Result<Response, Problem> {
+    let eigen = asked.eigen().await?;
+    let (given, reservation) = functions::receive(&asked.service, body).await?;
+    check_coefficients(&given, &Modes::of(&eigen.1))?;
+    let Harmonics { job, bases, reservation, .. } = asked.harmonics_of(eigen, reservation).await?;
     asked.forget_conditions();
     let names: Vec<String> = given.iter().map(|function| function.name.clone()).collect();
     let head = Map::from_iter([
@@ -235,6 +256,7 @@ pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, request: Request) ->
         head,
         tag: job.id.simple().to_string(),
         stem: "synthesis",
+        reservation,
     };
     per_row.answer(&asked, &job).await
 }

@@ -90,7 +90,7 @@ pub(crate) struct Distances {
     )
 )]
 pub(crate) async fn distances(asked: Asked<ReadDistances>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
+    let Harmonics { job, modes, bases, reservation } = asked.harmonics().await?;
     let from = asked.arguments.integer("from").unwrap_or(0);
     let kind = match asked.arguments.word("kind") {
         Some("diffusion") => DistanceKind::Diffusion,
@@ -137,6 +137,7 @@ pub(crate) async fn distances(asked: Asked<ReadDistances>) -> Result<Response, P
         is_single: true,
         tag: asked::tag(job.id, &(kind, from, time.map(f64::to_bits))),
         stem: kind.name(),
+        reservation,
     };
     per_row.answer(&asked, &job).await
 }

@@ -103,7 +103,7 @@ pub(crate) struct Features {
     )
 )]
 pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
+    let Harmonics { job, modes, bases, reservation } = asked.harmonics().await?;
     let arguments = &asked.arguments;
     let count = arguments.integer("modes").map_or(modes.len(), |count| modes.len().min(count as usize));
     let persistence = arguments.number("persistence").unwrap_or(PERSISTENCE_MIN);
@@ -156,7 +156,7 @@ pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Pro
     };
     let bytes = asked.service.compute.run(encode).await??;
     let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
 }
 
 /// What the extrema are looked at with.

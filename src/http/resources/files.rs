@@ -1,12 +1,13 @@
 //! Results under file names, for `curl -O`: `/jobs/{id}/bases.npy` is `/jobs/{id}/bases?format=npy`.
 
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, Method, Uri};
+use axum::http::{Extensions, HeaderMap, Method, Uri};
 use axum::response::Response;
 
 use super::{bases, coefficients, distances, features, filtered, operator, signatures, spectrum};
 use crate::http::results::asked::Asked;
 use crate::http::service::Shared;
+use crate::http::wire::owners;
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
 
 /// Answers the request for `$file` by the handler of its resource, if there is such a file.
@@ -49,8 +50,10 @@ pub(crate) async fn file(
     method: Method,
     uri: Uri,
     headers: HeaderMap,
+    extensions: Extensions,
 ) -> Result<Response, Problem> {
-    let answer = dispatch!(service, id, file, (&method, &uri, &headers);
+    let owner = owners::owner(&extensions);
+    let answer = dispatch!(service, id, file, (&method, &uri, &headers, &owner);
         "bases" => bases::bases,
         "spectrum" => spectrum::spectrum,
         "operator" => operator::operator,

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use axum::extract::Request;
 use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -21,9 +20,11 @@ use crate::http::results::cloud_file;
 use crate::http::results::functions::{self, BANDS, NumberLists, bands, of_own};
 use crate::http::results::view::{self, VIEW};
 use crate::http::wire::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
+use crate::http::wire::body::IncomingBody;
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
 use crate::http::wire::query::{Accepts, Argument, Arguments};
+use crate::jobs::Wanted;
 use crate::picture::{Paint, View};
 
 /// What it can be had as.
@@ -173,9 +174,12 @@ pub(crate) async fn filtered(asked: Asked<ReadFiltered>) -> Result<Response, Pro
         ResultProblems,
     )
 )]
-pub(crate) async fn by_gains(mut asked: Asked<FilterByGains>, request: Request) -> Result<Response, Problem> {
-    let harmonics = asked.harmonics().await?;
-    let mut lists = functions::receive(&asked.service, request).await?;
+pub(crate) async fn by_gains(
+    mut asked: Asked<FilterByGains>,
+    body: IncomingBody,
+) -> Result<Response, Problem> {
+    let eigen = asked.eigen().await?;
+    let (mut lists, reservation) = functions::receive(&asked.service, body).await?;
     if lists.len() != 1 {
         return Err(Problem::new(
             Kind::MalformedRequest,
@@ -183,6 +187,7 @@ pub(crate) async fn by_gains(mut asked: Asked<FilterByGains>, request: Request) 
         ));
     }
     asked.forget_conditions();
+    let harmonics = asked.harmonics_of(eigen, reservation).await?;
     let outside = asked.arguments.number("outside").unwrap_or(0.0);
     let transfer = Transfer::from_gains(lists.swap_remove(0).values, outside, &harmonics.modes)?;
     answer(&asked, harmonics, transfer, "gains as given".to_owned()).await
@@ -229,11 +234,11 @@ async fn answer<R: Resource>(
     let tag = asked::tag(harmonics.job.id, &determined);
 
     let mass = service.store.mass(harmonics.job.id).await?;
-    let lost = rows_without_result(&mass);
     let (source, chosen) = (Arc::clone(&cloud), target.clone());
-    let (given, mass) = service.compute.run(move || (chosen.functions(&source, &mass), mass)).await?;
+    let choose = move || (chosen.functions(&source, &mass), rows_without_result(&mass), mass);
+    let (given, lost, mass) = service.compute.run(choose).await?;
     let (given, found) = of_own(&mut harmonics, given?, mass).await?;
-    let Harmonics { job, modes, bases, share: _share } = harmonics;
+    let Harmonics { job, modes, bases, reservation } = harmonics;
     let divided_clusters = modes.divided_clusters(&transfer.gains);
     let energy = given
         .iter()
@@ -258,19 +263,19 @@ async fn answer<R: Resource>(
         fields: None,
     };
     let (offer, length) = (*offer, cloud.len());
-    let encode = move || {
+    let encode = move |wanted: &Wanted| {
         let columns = joined(&blocks, length);
         match offer {
             NPY => Ok(npy(&columns)),
-            JSON => json(head, &target, given.iter().map(|f| f.name.clone()).zip(columns)),
+            JSON => json(head, &target, given.iter().map(|f| f.name.clone()).zip(columns), wanted),
             PNG => picture(&target.replaced(&cloud, &columns)?, &target, &view, &description),
-            _ => file(&target.replaced(&cloud, &columns)?, offer, ascii, &head, &description),
+            _ => file(&target.replaced(&cloud, &columns)?, offer, ascii, (&head, &description), wanted),
         }
     };
-    let bytes = service.compute.run(encode).await??;
+    let bytes = service.compute.run_while_wanted(encode).await??;
     let stem = format!("filtered-{}", job.id);
     let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
 }
 
 /// The columns of all blocks one behind another.
@@ -297,6 +302,7 @@ fn json(
     mut answer: Filtered,
     target: &Target,
     columns: impl Iterator<Item = (String, Vec<f64>)>,
+    wanted: &Wanted,
 ) -> Result<Vec<u8>, Problem> {
     match target {
         Target::Fields(_) => answer.fields = Some(columns.collect()),
@@ -306,7 +312,7 @@ fn json(
             answer.coordinates = Some((0..answer.points).map(point).collect());
         }
     }
-    serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
+    download::json(&answer, wanted)
 }
 
 fn picture(cloud: &PointCloud, target: &Target, view: &View, description: &str) -> Result<Vec<u8>, Problem> {
@@ -321,8 +327,8 @@ fn file(
     cloud: &PointCloud,
     offer: Offer,
     ascii: bool,
-    head: &Filtered,
-    description: &str,
+    (head, description): (&Filtered, &str),
+    wanted: &Wanted,
 ) -> Result<Vec<u8>, Problem> {
     let encoding = if ascii { PlyEncoding::Ascii } else { PlyEncoding::BinaryLittleEndian };
     let comment = format!(
@@ -332,7 +338,7 @@ fn file(
         head.transfer.outside,
         head.rows_without_result
     );
-    cloud_file::encode(cloud, offer, encoding, &[comment])
+    cloud_file::encode(cloud, offer, encoding, &[comment], wanted)
 }
 
 #[cfg(test)]

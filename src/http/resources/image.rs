@@ -1,7 +1,7 @@
 //! `GET /jobs/{id}/bases/{basis}/image.png`: the cloud coloured by one of its bases.
 
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, Method, Uri};
+use axum::http::{Extensions, HeaderMap, Method, Uri};
 use axum::response::Response;
 
 use crate::http::results::asked::resource;
@@ -11,6 +11,7 @@ use crate::http::service::Shared;
 use crate::http::wait;
 use crate::http::wire::accept::{self, Offer, PNG};
 use crate::http::wire::download::{self, Download};
+use crate::http::wire::owners;
 use crate::http::wire::problem::{Kind, Problem};
 use crate::picture::Paint;
 
@@ -47,6 +48,7 @@ pub(crate) async fn image(
     method: Method,
     uri: Uri,
     headers: HeaderMap,
+    extensions: Extensions,
 ) -> Result<Response, Problem> {
     let arguments = ReadImage::arguments(&uri)?;
     let offer = accept::choose(None, &headers, &OFFERS)?;
@@ -63,6 +65,9 @@ pub(crate) async fn image(
     })?;
     let view = view::read(&arguments);
     let tag = asked::tag(job.id, &("image", index, view::key(&view)));
+    let record = service.store.cloud(job.cloud_id).await?;
+    let bytes = record.bytes() + 8 * record.points + view::bytes(&view, record.points);
+    let reservation = service.memory.reserve(owners::owner(&extensions), bytes).await?;
     let cloud = service.store.load_cloud(job.cloud_id).await?;
     let values = service.store.basis(job.id, index).await?;
     let title = format!("basis {index} of job {}", job.id);
@@ -70,5 +75,5 @@ pub(crate) async fn image(
     let bytes = service.compute.run(draw).await??;
     let stem = format!("basis-{index}-{}", job.id);
     let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&method, &headers, |span| download::part(bytes, span))
+    download.answer(&method, &headers, reservation, |span| download::part(bytes, span))
 }

@@ -17,9 +17,10 @@ use crate::analysis::JobKind;
 use crate::http::notation::{now, parse_id, timestamp};
 use crate::http::paging::{PAGE_DEFAULT, PAGING};
 use crate::http::service::Shared;
-use crate::http::wait::{RETRY_SECONDS, WAIT, settled};
+use crate::http::wait::{WAIT, settled};
 use crate::http::wire::problem::{Problem, ProblemDocument};
 use crate::http::wire::query::{Accepts, Argument, Nothing, arguments};
+use crate::http::wire::retry;
 use crate::http::wire::{download, owners};
 use crate::progress::Phase;
 use crate::store::{JobRecord, JobState, Page};
@@ -256,7 +257,7 @@ pub(crate) async fn show(
     }
     response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     if !job.state.is_terminal() {
-        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(RETRY_SECONDS));
+        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry::JOB_SECONDS));
     }
     Ok(response)
 }

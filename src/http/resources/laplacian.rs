@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use axum::extract::Request;
 use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -15,10 +14,13 @@ use crate::harmonics::functions::{represent, representatives};
 use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, ResultProblems};
 use crate::http::results::functions::{self, NumberLists};
+use crate::http::results::matrix;
 use crate::http::wire::accept::{JSON, NPY, Offer};
+use crate::http::wire::body::IncomingBody;
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Problem, ProblemDocument};
 use crate::http::wire::query::Argument;
+use crate::store::JobRecord;
 
 /// What Δf can be had as.
 pub(crate) const OFFERS: [Offer; 2] = [JSON, NPY];
@@ -67,20 +69,25 @@ pub(crate) struct Laplacians {
 )]
 pub(crate) async fn laplacian(
     mut asked: Asked<ApplyLaplacian>,
-    request: Request,
+    body: IncomingBody,
 ) -> Result<Response, Problem> {
     let job = asked.job().await?;
     asked::check_kept(&job)?;
+    let (given, mut reservation) = functions::receive(&asked.service, body).await?;
+    functions::check_length(&given, job.points as usize)?;
+    asked.refuse_large_json(given.len() as u64 * job.points)?;
     let store = &asked.service.store;
+    let cloud = store.cloud(job.cloud_id).await?.bytes();
+    // What comes out is as large as what was sent, and stands there as numbers and as they are sent.
+    let fields = given.len() as u64 * job.points * (8 + asked.number_bytes());
+    reservation.add(matrix::bytes_of(&job) + cloud + fields).await?;
     let (mass, matrix) = (store.mass(job.id).await?, store.operator_matrix(job.id).await?);
-    let given = functions::receive(&asked.service, request).await?;
-    functions::check_length(&given, mass.len())?;
-    functions::check_finite(&given, &mass)?;
-    asked.refuse_large_json((given.len() * mass.len()) as u64)?;
     // rows without mass of their own repeat an earlier one
     let cloud = if mass.contains(&0.0) { Some(store.load_cloud(job.cloud_id).await?) } else { None };
     asked.forget_conditions();
+    let (offer, tag, stem) = (asked.offer, job.id.simple().to_string(), format!("laplacian-{}", job.id));
     let computed = asked.service.compute.run(move || {
+        functions::check_finite(&given, &mass)?;
         let first = cloud.as_ref().and_then(|cloud| representatives(cloud, &mass));
         let apply = |function: &Function| {
             let mut values = matrix.laplacian_of(&mass, &function.values);
@@ -90,35 +97,30 @@ pub(crate) async fn laplacian(
             values
         };
         let found: Vec<Vec<f64>> = given.iter().map(apply).collect();
-        (given, found)
+        encode(offer, &job, &given, &found)
     });
-    let (given, found) = computed.await?;
-    let bytes = if asked.offer == NPY {
-        let columns: Vec<_> =
-            found.iter().map(|values| Column { values, stride: 1, kind: ScalarType::Float64 }).collect();
-        let mut bytes = npy_header(found[0].len(), found.len(), ScalarType::Float64);
-        bytes.extend(encode_rows(&columns, found[0].len()));
-        bytes
-    } else {
-        let finite = |values: &Vec<f64>| values.iter().map(|&x| Some(x).filter(|x| x.is_finite())).collect();
-        let answer = Laplacians {
-            job_id: job.id,
-            cloud_id: job.cloud_id,
-            points: found[0].len(),
-            fields: given
-                .iter()
-                .map(|function| function.name.clone())
-                .zip(found.iter().map(finite))
-                .collect(),
-            warnings: job.report.as_ref().map(|report| report.warnings.clone()).unwrap_or_default(),
-        };
-        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))?
+    let bytes = computed.await??;
+    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
+    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
+}
+
+fn encode(offer: Offer, job: &JobRecord, given: &[Function], found: &[Vec<f64>]) -> Result<Vec<u8>, Problem> {
+    let points = found.first().map_or(0, Vec::len);
+    if offer == NPY {
+        let kind = ScalarType::Float64;
+        let columns: Vec<_> = found.iter().map(|values| Column { values, stride: 1, kind }).collect();
+        let mut bytes = npy_header(points, found.len(), kind);
+        bytes.extend(encode_rows(&columns, points));
+        return Ok(bytes);
+    }
+    let finite = |values: &Vec<f64>| values.iter().map(|&x| Some(x).filter(|x| x.is_finite())).collect();
+    let names = given.iter().map(|function| function.name.clone());
+    let answer = Laplacians {
+        job_id: job.id,
+        cloud_id: job.cloud_id,
+        points,
+        fields: names.zip(found.iter().map(finite)).collect(),
+        warnings: job.report.as_ref().map(|report| report.warnings.clone()).unwrap_or_default(),
     };
-    let download = Download {
-        offer: asked.offer,
-        tag: job.id.simple().to_string(),
-        stem: format!("laplacian-{}", job.id),
-        length: Some(bytes.len() as u64),
-    };
-    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+    serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
 }

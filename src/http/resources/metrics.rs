@@ -94,7 +94,7 @@ pub(crate) async fn metrics(State(service): State<Shared>) -> Result<Response, P
     let levels = Levels {
         jobs: jobs.to_vec(),
         job_memory: service.jobs.memory_taken(),
-        body_memory: service.body_memory.taken(),
+        body_memory: service.memory.taken(),
         disk_free: service.store.disk_free()?,
     };
     let text = service.metrics.text(&levels).map_err(|error| Problem::internal(&error))?;

@@ -35,6 +35,9 @@ const ARGUMENTS: &[Argument] = &[
     },
 ];
 
+/// Bytes of an entry as a line of Matrix Market: row, column, and 17 digits with sign, point and exponent.
+const LINE_BYTES: u64 = 45;
+
 resource!(
     /// Query of `GET /jobs/{id}/operator`.
     ReadOperator: OFFERS, ARGUMENTS
@@ -79,19 +82,30 @@ pub(crate) async fn operator(asked: Asked<ReadOperator>) -> Result<Response, Pro
     if name == 'Q' {
         asked::check_kept(&job)?;
     }
+    let reservation = asked.reserve(bytes_of(&job, name, offer)).await?;
     let matrix = match name {
         'B' => diagonal(&service.store.mass(job.id).await?),
         _ => service.store.operator_matrix(job.id).await?,
     };
     let encode = if offer == MTX { matrix::matrix_market } else { matrix::scipy_archive };
-    let bytes = service.compute.run(move || encode(&matrix)).await??;
+    let bytes = service.compute.run_while_wanted(move |wanted| encode(&matrix, wanted)).await??;
     let download = Download {
         offer,
         tag: format!("{}-{name}", job.id.simple()),
         stem: format!("{name}-{}", job.id),
         length: Some(bytes.len() as u64),
     };
-    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
+}
+
+/// Bytes of memory that a matrix takes beside its file.
+fn bytes_of(job: &JobRecord, name: char, offer: Offer) -> u64 {
+    let (entries, matrix) = match name {
+        'B' => (job.points, job.points * (matrix::ENTRY_BYTES + 3 * 8)),
+        _ => (job.report.as_ref().map_or(0, |report| report.nonzeros as u64), matrix::bytes_of(job)),
+    };
+    let line = if offer == MTX { LINE_BYTES } else { matrix::ENTRY_BYTES };
+    matrix + entries * line + job.points * 8
 }
 
 fn describe(job: &JobRecord) -> Result<OperatorView, Problem> {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, Method, Uri};
+use axum::http::{Extensions, HeaderMap, Method, Uri};
 use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
@@ -17,8 +17,10 @@ use crate::http::results::{asked, cloud_file};
 use crate::http::service::Shared;
 use crate::http::wire::accept::{self, CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
 use crate::http::wire::download::{self, Download};
+use crate::http::wire::owners;
 use crate::http::wire::problem::{Problem, ProblemDocument};
 use crate::http::wire::query::{Accepts, Argument, arguments};
+use crate::jobs::Wanted;
 use crate::picture::Paint;
 use crate::store::CHUNK_POINTS;
 
@@ -84,6 +86,7 @@ pub(crate) async fn points(
     method: Method,
     uri: Uri,
     headers: HeaderMap,
+    extensions: Extensions,
 ) -> Result<Response, Problem> {
     let arguments = ReadPoints::read(&uri)?;
     let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
@@ -91,7 +94,8 @@ pub(crate) async fn points(
     let is_streamed = offer == NPY || (offer == PLY && arguments.word("encoding") != Some("ascii"));
     // Whole files stand beside the cloud, and text is twice as long.
     let times = if is_streamed { 1 } else { 3 };
-    let share = service.answer_memory.share(times * service.store.cloud(id).await?.bytes()).await?;
+    let bytes = times * service.store.cloud(id).await?.bytes();
+    let reservation = service.memory.reserve(owners::owner(&extensions), bytes).await?;
     let cloud = Arc::new(service.store.load_cloud(id).await?);
     let mut download =
         Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
@@ -102,15 +106,14 @@ pub(crate) async fn points(
     if !is_streamed {
         let view = view::read(&arguments);
         download.tag = asked::tag(id, &(encoding == PlyEncoding::Ascii, view::key(&view)));
-        let encode = move || match offer {
-            JSON => json(&cloud),
+        let encode = move |wanted: &Wanted| match offer {
+            JSON => json(&cloud, wanted),
             PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}")),
-            _ => cloud_file::encode(&cloud, offer, encoding, &[]),
+            _ => cloud_file::encode(&cloud, offer, encoding, &[], wanted),
         };
-        let bytes = service.compute.run(encode).await??;
+        let bytes = service.compute.run_while_wanted(encode).await??;
         download.length = Some(bytes.len() as u64);
-        let answer = download.answer(&method, &headers, |span| download::part(bytes, span))?;
-        return Ok(share.until_sent(answer));
+        return download.answer(&method, &headers, reservation, |span| download::part(bytes, span));
     }
     let layout = if offer == NPY {
         npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)
@@ -120,19 +123,18 @@ pub(crate) async fn points(
     };
     download.length = Some(layout.length());
     let compute = service.compute.clone();
-    let answer = download.answer(&method, &headers, move |span| {
+    download.answer(&method, &headers, reservation, move |span| {
         layout.stream(span, move |chunk| {
             let (compute, cloud) = (compute.clone(), Arc::clone(&cloud));
             async move { Ok(compute.run(move || encode(&cloud, offer, chunk)).await?) }
         })
-    })?;
-    Ok(share.until_sent(answer))
+    })
 }
 
-fn json(cloud: &PointCloud) -> Result<Vec<u8>, Problem> {
+fn json(cloud: &PointCloud, wanted: &Wanted) -> Result<Vec<u8>, Problem> {
     let coordinates = cloud.coordinates().chunks(cloud.dimension()).map(<[f64]>::to_vec).collect();
     let points = Points { points: cloud.len(), dimension: cloud.dimension(), coordinates };
-    serde_json::to_vec(&points).map_err(|error| Problem::internal(&error))
+    download::json(&points, wanted)
 }
 
 /// The bytes of a chunk of rows, with all fields in PLY.

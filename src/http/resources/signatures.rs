@@ -89,7 +89,7 @@ pub(crate) struct Signatures {
     )
 )]
 pub(crate) async fn signatures(asked: Asked<ReadSignatures>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, share: _share } = asked.harmonics().await?;
+    let Harmonics { job, modes, bases, reservation } = asked.harmonics().await?;
     let kind =
         if asked.arguments.word("kind") == Some("wks") { SignatureKind::Wks } else { SignatureKind::Hks };
     let count = asked.arguments.integer("count").unwrap_or(COUNT_DEFAULT) as usize;
@@ -109,6 +109,7 @@ pub(crate) async fn signatures(asked: Asked<ReadSignatures>) -> Result<Response,
         is_single: false,
         tag: asked::tag(job.id, &(kind, count, scaled)),
         stem: kind.name(),
+        reservation,
     };
     per_row.answer(&asked, &job).await
 }

@@ -14,6 +14,7 @@ use crate::http::results::asked::resource;
 use crate::http::results::asked::{self, Asked, ResultProblems};
 use crate::http::wire::accept::{CSV, JSON, Offer, SVG};
 use crate::http::wire::download::{self, Download};
+use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::query::Argument;
 use crate::picture;
@@ -95,13 +96,15 @@ pub(crate) async fn spectrum(asked: Asked<ReadSpectrum>) -> Result<Response, Pro
     let (job, spectrum) = asked.eigen().await?;
     let (offer, tag) = (asked.offer, asked::tag(job.id, &"spectrum"));
     let stem = format!("spectrum-{}", job.id);
-    let bytes = match offer {
-        CSV => csv(&spectrum).into_bytes(),
-        SVG => svg(job.report.as_ref(), &spectrum).into_bytes(),
-        _ => json(&job, spectrum)?,
-    };
+    let bytes = asked.service.compute.run(move || match offer {
+        CSV => Ok(csv(&spectrum).into_bytes()),
+        SVG => Ok(svg(job.report.as_ref(), &spectrum).into_bytes()),
+        _ => json(&job, spectrum),
+    });
+    let bytes = bytes.await??;
     let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, |span| download::part(bytes, span))
+    // A thousand eigenvalues at most, each with a few numbers.
+    download.answer(&asked.method, &asked.headers, Reservation::small(), |span| download::part(bytes, span))
 }
 
 fn json(job: &JobRecord, spectrum: Spectrum) -> Result<Vec<u8>, Problem> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Json;
-use axum::extract::{Path, Request, State};
+use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
@@ -23,10 +23,11 @@ use crate::cloud::reader::{self, Format, ReadOptions};
 use crate::cloud::{NonFinite, PointCloud};
 use crate::http::notation::{now, parse_id};
 use crate::http::service::{Service, Shared};
-use crate::http::wait::{RETRY_SECONDS, WAIT_SECONDS_MAX, settled};
-use crate::http::wire::owners;
+use crate::http::wait::{WAIT_SECONDS_MAX, settled};
+use crate::http::wire::body::{IncomingBody, Received};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
 use crate::http::wire::query::{Accepts, Argument, Arguments, Nothing, arguments};
+use crate::http::wire::retry;
 use crate::http::wire::upload::Upload;
 use crate::store::{Owner, Submitted};
 
@@ -71,8 +72,10 @@ pub(crate) const UPLOAD: &[Argument] = &[
     },
 ];
 
+/// Memory of a cloud and of what is looked at of it before an analysis, over the cloud's.
+const ADMISSION_FACTOR: u64 = 4;
 /// JSON of `POST /clouds/{id}/jobs` is small.
-const JOB_BYTES_MAX: usize = 64 << 10;
+const JOB_BYTES_MAX: u64 = 64 << 10;
 
 arguments!(
     /// Query of `POST /clouds`.
@@ -130,8 +133,12 @@ pub(crate) struct JobRequest {
         (status = 429, description = "The queue is full.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub(crate) async fn post_cloud(State(service): State<Shared>, request: Request) -> Result<Response, Problem> {
-    receive(&service, request, None).await
+pub(crate) async fn post_cloud(
+    State(service): State<Shared>,
+    uri: Uri,
+    body: IncomingBody,
+) -> Result<Response, Problem> {
+    receive(&service, &uri, body, None).await
 }
 
 /// Uploads a cloud: the same as POST, for `curl -T`.
@@ -148,8 +155,12 @@ pub(crate) async fn post_cloud(State(service): State<Shared>, request: Request) 
         (status = "4XX", description = "As for POST.", body = ProblemDocument, content_type = "application/problem+json"),
     )
 )]
-pub(crate) async fn put_cloud(State(service): State<Shared>, request: Request) -> Result<Response, Problem> {
-    receive(&service, request, None).await
+pub(crate) async fn put_cloud(
+    State(service): State<Shared>,
+    uri: Uri,
+    body: IncomingBody,
+) -> Result<Response, Problem> {
+    receive(&service, &uri, body, None).await
 }
 
 /// Uploads a cloud with its file name, as `curl -T scan.ply http://HOST/clouds/` does.
@@ -171,9 +182,10 @@ pub(crate) async fn put_cloud(State(service): State<Shared>, request: Request) -
 pub(crate) async fn put_cloud_named(
     State(service): State<Shared>,
     Path(file_name): Path<String>,
-    request: Request,
+    uri: Uri,
+    body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, request, Some(file_name)).await
+    receive(&service, &uri, body, Some(file_name)).await
 }
 
 /// Queues a job on a stored cloud.
@@ -199,34 +211,31 @@ pub(crate) async fn post_job(
     State(service): State<Shared>,
     Path(id): Path<String>,
     uri: Uri,
-    request: Request,
+    body: IncomingBody,
 ) -> Result<Response, Problem> {
     Nothing::read(&uri).map_err(|_| {
         let told = "the query has no parameters here; those of a job are sent as JSON: curl -d '{\"bases\": 50}' URL";
         Problem::new(Kind::UnknownParameter, told)
     })?;
     let id = parse_id(&id)?;
-    let owner = owners::owner(request.extensions());
-    let (wait, headers) = (preferred_wait(request.headers()), request.headers().clone());
-    let body = job_body(request).await?;
+    let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
+    let headers = body.headers().clone();
+    let Received { bytes: body, mut reservation } = body.receive(JOB_BYTES_MAX).await?;
     let key = Key::of(&headers, &uri, &body)?;
     if let Some(answered) = replayed(&service, &owner, key.as_ref(), wait).await? {
         return Ok(answered);
     }
     let arguments = job_arguments(&body)?;
     let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
+    // The cloud, and its points without those at the same place.
+    reservation.add(ADMISSION_FACTOR * service.store.cloud(id).await?.bytes()).await?;
     let cloud = service.store.load_cloud(id).await?;
     let admitted = parameters.clone();
-    service.compute.run(move || admit(&cloud, &admitted)).await??;
+    service.reading.run(move || admit(&cloud, &admitted)).await??;
+    drop(reservation);
     let submitted = service.store.submit_job(id, kind, parameters).await?;
     remember(&service, &owner, key.as_ref(), &submitted).await?;
     answer(&service, submitted, wait).await
-}
-
-async fn job_body(request: Request) -> Result<axum::body::Bytes, Problem> {
-    axum::body::to_bytes(request.into_body(), JOB_BYTES_MAX).await.map_err(|_| {
-        Problem::new(Kind::TooLarge, format!("the body is cut off or larger than {JOB_BYTES_MAX} bytes"))
-    })
 }
 
 /// The answer to a request that was answered before under the same name.
@@ -273,22 +282,23 @@ fn job_arguments(bytes: &[u8]) -> Result<Arguments, Problem> {
 
 async fn receive(
     service: &Service,
-    request: Request,
+    uri: &Uri,
+    body: IncomingBody,
     file_name: Option<String>,
 ) -> Result<Response, Problem> {
-    let arguments = SubmitCloud::read(request.uri())?;
+    let arguments = SubmitCloud::read(uri)?;
     let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
-    let wait = preferred_wait(request.headers());
-    let owner = owners::owner(request.extensions());
-    let (headers, uri) = (request.headers().clone(), request.uri().clone());
-    let mut upload = Upload::receive(request).await?;
+    let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
+    let (headers, target, format) = (body.headers().clone(), uri.clone(), arguments.word("format"));
+    let (mut upload, reservation) = Upload::receive(service, body).await?;
     upload.file_name = upload.file_name.or(file_name);
-    let key = Key::of(&headers, &uri, &upload.bytes)?;
+    let named = upload.bytes.clone();
+    let key = service.reading.run(move || Key::of(&headers, &target, &named)).await??;
     if let Some(answered) = replayed(service, &owner, key.as_ref(), wait).await? {
         return Ok(answered);
     }
     let name = cloud_name::of(arguments.word("name"), upload.file_name.as_deref())?;
-    let format = upload.format(arguments.word("format").and_then(Format::from_name))?;
+    let format = upload.format(format.and_then(Format::from_name))?;
     let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
     let options = ReadOptions {
         policy: if arguments.word("nonfinite") == Some("drop") { NonFinite::Drop } else { NonFinite::Reject },
@@ -297,7 +307,7 @@ async fn receive(
         limits: service.limits.reader,
     };
     let wanted = job.clone();
-    let cloud = service.compute.run(move || read(upload, format, &options, wanted.as_ref())).await??;
+    let cloud = service.reading.run(move || read(upload, format, &options, wanted.as_ref())).await??;
     let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
     if let (Some(name), None) = (name, &submitted.cloud.name) {
         submitted.cloud = service.store.name_cloud(submitted.cloud.id, name).await?;
@@ -305,6 +315,7 @@ async fn receive(
             job.cloud_name.clone_from(&submitted.cloud.name);
         }
     }
+    drop(reservation);
     remember(service, &owner, key.as_ref(), &submitted).await?;
     answer(service, submitted, wait).await
 }
@@ -387,7 +398,7 @@ async fn answer(
         response.headers_mut().insert(header::LOCATION, location);
     }
     if job.is_some_and(|job| !job.state.is_terminal()) {
-        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(RETRY_SECONDS));
+        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry::JOB_SECONDS));
     }
     if wait.is_some() {
         let applied = HeaderName::from_static("preference-applied");

@@ -16,12 +16,13 @@ use crate::harmonics::Modes;
 use crate::http::service::Shared;
 use crate::http::wait;
 use crate::http::wire::accept::{self, JSON, NPY, Offer, PLY};
-use crate::http::wire::answer_memory::Share;
+use crate::http::wire::memory::Reservation;
+use crate::http::wire::owners;
 use crate::http::wire::problem::{self, Kind, Problem};
 use crate::http::wire::query::{Accepts, Argument, Arguments};
 use crate::jobs::StoredBases;
 use crate::spectrum::Spectrum;
-use crate::store::JobRecord;
+use crate::store::{JobRecord, Owner};
 
 /// Answers as JSON, at most: text is three times the size of the numbers, and slow to read.
 pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
@@ -63,6 +64,8 @@ pub(crate) struct Asked<R> {
     pub method: Method,
     /// The request's headers.
     pub headers: HeaderMap,
+    /// Whose request it is.
+    pub owner: Owner,
     resource: PhantomData<fn() -> R>,
 }
 
@@ -75,8 +78,8 @@ impl<R: Resource> FromRequestParts<Shared> for Asked<R> {
         let path = Path::<String>::from_request_parts(parts, service).await;
         let Path(id) = path.map_err(|rejection| Problem::new(Kind::NotFound, rejection.body_text()))?;
         let (method, headers) = (parts.method.clone(), parts.headers.clone());
-        let service = service.clone();
-        Ok(Self { service, id, offer, arguments, method, headers, resource: PhantomData })
+        let (service, owner) = (service.clone(), owners::owner(&parts.extensions));
+        Ok(Self { service, id, offer, arguments, method, headers, owner, resource: PhantomData })
     }
 }
 
@@ -89,7 +92,7 @@ impl<R: Resource> Asked<R> {
         service: &Shared,
         id: &str,
         ending: &str,
-        (method, uri, headers): (&Method, &Uri, &HeaderMap),
+        (method, uri, headers, owner): (&Method, &Uri, &HeaderMap, &Owner),
     ) -> Result<Option<Self>, Problem> {
         let Some(offer) = R::OFFERS.iter().find(|offer| offer.name == ending).copied() else {
             return Ok(None);
@@ -101,6 +104,7 @@ impl<R: Resource> Asked<R> {
             arguments: R::arguments(uri)?,
             method: method.clone(),
             headers: headers.clone(),
+            owner: owner.clone(),
             resource: PhantomData,
         }))
     }
@@ -121,18 +125,45 @@ impl<R: Resource> Asked<R> {
         of_eigen(self.job().await?)
     }
 
+    /// Waits for the memory that an answer takes.
+    ///
+    /// # Errors
+    /// A problem: there was none in time.
+    pub(crate) async fn reserve(&self, bytes: u64) -> Result<Reservation, Problem> {
+        self.service.memory.reserve(self.owner.clone(), bytes).await
+    }
+
     /// The job, its modes and its stored bases, once it has succeeded.
     ///
     /// # Errors
-    /// As [`Self::eigen`].
+    /// As [`Self::eigen`], and when there is no memory for the answer.
     pub(crate) async fn harmonics(&self) -> Result<Harmonics, Problem> {
-        let (job, spectrum) = self.eigen().await?;
+        let eigen = self.eigen().await?;
+        self.harmonics_of(eigen, self.service.memory.begin(self.owner.clone())).await
+    }
+
+    /// The same beside what a request has reserved for its body already: nothing is reserved for the answer before the body
+    /// is there.
+    ///
+    /// # Errors
+    /// A problem: there is no memory for the answer.
+    pub(crate) async fn harmonics_of(
+        &self,
+        (job, spectrum): (JobRecord, Spectrum),
+        mut reservation: Reservation,
+    ) -> Result<Harmonics, Problem> {
         let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
         let bases = StoredBases::new(store, compute, &job, spectrum.eigenvalues.len());
         // The cloud, the functions on it, and what becomes of them.
         let cloud = self.service.store.cloud(job.cloud_id).await?.bytes();
-        let share = self.service.answer_memory.share(bases.bytes_at_work() + 3 * cloud).await?;
-        Ok(Harmonics { modes: Modes::of(&spectrum), job, bases, share })
+        reservation.add(bases.bytes_at_work() + 3 * cloud).await?;
+        Ok(Harmonics { modes: Modes::of(&spectrum), job, bases, reservation })
+    }
+
+    /// Bytes of a number in the answer, at most.
+    pub(crate) fn number_bytes(&self) -> u64 {
+        // JSON is made of numbers that may be missing, beside the text.
+        if self.offer == JSON { 16 + JSON_NUMBER_BYTES } else { 8 }
     }
 
     /// Answers to POST are neither conditional nor had in parts.
@@ -180,8 +211,8 @@ pub(crate) struct Harmonics {
     pub modes: Modes,
     /// Bases.
     pub bases: StoredBases,
-    /// Held while the answer is made.
-    pub share: Share,
+    /// Held until the answer is sent.
+    pub reservation: Reservation,
 }
 
 /// The spectrum of a job that has succeeded, taken out of it.

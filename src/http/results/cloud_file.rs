@@ -6,7 +6,9 @@ use crate::cloud::PointCloud;
 use crate::cloud::reader::Format;
 use crate::cloud::writer::{PlyEncoding, write, write_annotated_ply, write_npz};
 use crate::http::wire::accept::{CSV, LAS, LAZ, NPZ, Offer, XYZ};
+use crate::http::wire::download::unwritten;
 use crate::http::wire::problem::{Kind, Problem};
+use crate::jobs::Wanted;
 
 /// Writes a cloud with all its fields as NPZ, CSV, XYZ, LAS or LAZ; otherwise as PLY with comments.
 ///
@@ -17,15 +19,17 @@ pub(crate) fn encode(
     offer: Offer,
     encoding: PlyEncoding,
     comments: &[String],
+    wanted: &Wanted,
 ) -> Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
+    let mut out = wanted.writer(&mut bytes);
     let written = match offer {
-        NPZ => write_npz(cloud, &mut bytes),
-        CSV => write(cloud, Format::Csv, &mut bytes),
-        XYZ => write(cloud, Format::Xyz, &mut bytes),
-        LAS => write(cloud, Format::Las, &mut bytes),
-        LAZ => write(cloud, Format::Laz, &mut bytes),
-        _ => write_annotated_ply(cloud, encoding, comments, &mut bytes),
+        NPZ => write_npz(cloud, &mut out),
+        CSV => write(cloud, Format::Csv, &mut out),
+        XYZ => write(cloud, Format::Xyz, &mut out),
+        LAS => write(cloud, Format::Las, &mut out),
+        LAZ => write(cloud, Format::Laz, &mut out),
+        _ => write_annotated_ply(cloud, encoding, comments, &mut out),
     };
     match written {
         Ok(()) => Ok(bytes),
@@ -34,6 +38,6 @@ pub(crate) fn encode(
             format!("{error}; ask for ply, npy or npz, which hold every cloud"),
         )
         .with("accepted", vec!["ply", "npy", "npz"])),
-        Err(error) => Err(Problem::internal(&error)),
+        Err(error) => Err(unwritten(&error)),
     }
 }

@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use axum::extract::Request;
 use serde_json::Value;
 use utoipa::ToSchema;
 
@@ -13,9 +12,10 @@ use crate::cloud::reader::read_columns;
 use crate::harmonics::functions::first_nonfinite;
 use crate::harmonics::{Function, Transformed, transform};
 use crate::http::service::Service;
+use crate::http::wire::body::{IncomingBody, Received};
+use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::query::{Accepts, Argument, Arguments};
-use crate::http::wire::upload;
 
 /// What every `.npy` file begins with.
 const NPY_MAGIC: &[u8] = b"\x93NUMPY";
@@ -30,17 +30,25 @@ const SHAPES: &str = "a JSON array of numbers, an array of such arrays, an objec
 /// `GET …/coefficients`; null stands for a number that is not there. NumPy: an array of n, or of n × m, one list per
 /// column.
 ///
+/// Beside them the memory that they take.
+///
 /// # Errors
 /// A problem that says what would be accepted.
-pub(crate) async fn receive(service: &Service, request: Request) -> Result<Vec<Function>, Problem> {
-    let bytes = upload::body(request).await?;
-    let lists = service.compute.run(move || parse(&bytes)).await??;
+pub(crate) async fn receive(
+    service: &Service,
+    body: IncomingBody,
+) -> Result<(Vec<Function>, Reservation), Problem> {
+    let Received { bytes, reservation } = body.receive(u64::MAX).await?;
+    if bytes.is_empty() {
+        return Err(malformed("the body is empty"));
+    }
+    let lists = service.reading.run(move || parse(&bytes)).await??;
     if lists.is_empty() || lists.len() > LISTS_MAX {
         let detail =
             format!("the body holds {} lists of numbers; 1 to {LISTS_MAX} are accepted", lists.len());
         return Err(Problem::new(Kind::MalformedRequest, detail));
     }
-    Ok(lists)
+    Ok((lists, reservation))
 }
 
 fn parse(bytes: &[u8]) -> Result<Vec<Function>, Problem> {

@@ -12,6 +12,7 @@ use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::Block;
 use crate::http::wire::accept::{JSON, NPY, PLY};
 use crate::http::wire::download::{self, Download};
+use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::Problem;
 use crate::jobs::StoredBases;
 use crate::store::JobRecord;
@@ -35,6 +36,8 @@ pub(crate) struct PerRow {
     pub tag: String,
     /// Of the file's name.
     pub stem: &'static str,
+    /// Held until they are sent.
+    pub reservation: Reservation,
 }
 
 impl PerRow {
@@ -43,7 +46,7 @@ impl PerRow {
     /// # Errors
     /// A problem.
     pub(crate) async fn answer<R: Resource>(
-        self,
+        mut self,
         asked: &Asked<R>,
         job: &JobRecord,
     ) -> Result<Response, Problem> {
@@ -60,9 +63,11 @@ impl PerRow {
                 let work = Arc::clone(&self.work);
                 self.bases.map(move |block| work(block)).await?
             };
+            let reservation = std::mem::replace(&mut self.reservation, Reservation::small());
             let text = compute.run(move || self.json(blocks)).await??;
             download.length = Some(text.len() as u64);
-            return download.answer(&asked.method, &asked.headers, |span| download::part(text, span));
+            return download
+                .answer(&asked.method, &asked.headers, reservation, |span| download::part(text, span));
         }
         let cloud = match asked.offer {
             PLY => Some(Arc::new(asked.service.store.load_cloud(job.cloud_id).await?)),
@@ -87,7 +92,7 @@ impl PerRow {
         let layout = layout.in_chunks_of(self.bases.block_rows());
         download.length = Some(layout.length());
         let (bases, work) = (self.bases, self.work);
-        download.answer(&asked.method, &asked.headers, |span| {
+        download.answer(&asked.method, &asked.headers, self.reservation, |span| {
             layout.stream(span, move |chunk| {
                 let (bases, work, cloud) = (bases.clone(), Arc::clone(&work), cloud.clone());
                 async move {

@@ -8,6 +8,11 @@ use crate::picture::{Background, Paint, Picture, Up, View};
 /// Most pixels along either side.
 const SIDE_MAX: u64 = 2048;
 
+/// Bytes of a point as it is projected, shaded, sorted into bands and drawn.
+const DRAWN_POINT_BYTES: u64 = 96;
+/// Bytes of a pixel: two depths, a color in three numbers, four bytes, and what they are packed into.
+const DRAWN_PIXEL_BYTES: u64 = 32;
+
 /// The arguments that every picture takes.
 pub(crate) const VIEW: &[Argument] = &[
     Argument {
@@ -68,6 +73,12 @@ pub(crate) fn read(arguments: &Arguments) -> View {
             .and_then(Background::from_name)
             .unwrap_or(default.background),
     }
+}
+
+/// Bytes of memory that drawing a cloud of so many points takes beside the cloud: discs and their places, depth and color of
+/// every pixel, and the pixels as they are sent.
+pub(crate) fn bytes(view: &View, points: u64) -> u64 {
+    points * DRAWN_POINT_BYTES + (view.width * view.height) as u64 * DRAWN_PIXEL_BYTES
 }
 
 /// Everything that decides what a picture looks like, for its tag.

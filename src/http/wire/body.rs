@@ -1,139 +1,217 @@
-//! Every request's body on its way to its handler: bounded in bytes, time and memory, and decompressed.
+//! A request's body on its way to its handler: bounded in bytes, time and memory, and decompressed.
 //!
-//! A layer around all routes, so that none can forget it. The body is read when its handler asks for it, after the
-//! request's parameters were checked, and arrives in one piece.
+//! The only way to a body. A handler takes an [`IncomingBody`] and receives it once the request's arguments are checked.
 
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use axum::body::{Body, Bytes, HttpBody};
-use axum::extract::{Request, State};
+use axum::body::{Body, BodyDataStream, Bytes};
+use axum::extract::{FromRequest, Request};
 use axum::http::{HeaderMap, header};
-use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
-use futures_util::{StreamExt, stream};
+use futures_util::StreamExt;
 use tokio::time::{Instant, timeout};
 
-use super::body_memory::Held;
 use super::coding::{Bounds, Coding};
+use super::memory::{Arrival, Reservation};
+use super::owners;
+use super::pace::Pace;
 use super::problem::{Kind, Problem};
-use crate::cloud::reader;
-use crate::http::service::{Limits, Shared};
-use crate::jobs::Compute;
-use crate::metrics::Metrics;
+use crate::http::service::Shared;
+use crate::store::Owner;
 
-/// Bytes that are reserved at once for a body, at most, before they are there.
-const RESERVED_BYTES_MAX: u64 = 64 << 20;
+/// Bytes for which room is reserved ahead of those that are there, at least and at most; between, half of those.
+const AHEAD_BYTES: (u64, u64) = (4 << 10, 1 << 20);
+/// Bytes that are decompressed at once, at least and at most; between, half of what is there.
+const DECODED_BYTES: (u64, u64) = (64 << 10, 16 << 20);
+/// From then on a body counts as slow: it no longer has a claim to the memory that is kept for small ones.
+const SLOW: Duration = Duration::from_secs(5);
 
-/// Bounds the body, and tells what was wrong with it in place of whatever its handler made of that.
-pub(crate) async fn bound(State(service): State<Shared>, request: Request, next: Next) -> Response {
-    if request.body().is_end_stream() {
-        return next.run(request).await;
-    }
-    let (mut parts, body) = request.into_parts();
-    let intake = match Intake::of(&service, &parts.headers, body) {
-        Ok(intake) => intake,
-        Err(problem) => return problem.into_response(),
-    };
-    if intake.coding.is_some() {
-        parts.headers.remove(header::CONTENT_ENCODING);
-        parts.headers.remove(header::CONTENT_LENGTH);
-    }
-    // Held until there is an answer: what the handler makes of the body counts too.
-    let held = Arc::new(tokio::sync::Mutex::new(service.body_memory.hold()));
-    let fault = Arc::new(Mutex::new(None));
-    let (holding, told) = (Arc::clone(&held), Arc::clone(&fault));
-    let whole = stream::once(async move {
-        let mut held = holding.lock().await;
-        intake.whole(&mut held).await.map_err(|problem| {
-            *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(problem);
-            std::io::Error::other("told by the layer")
-        })
-    });
-    let response = next.run(Request::from_parts(parts, Body::from_stream(whole))).await;
-    let fault = fault.lock().unwrap_or_else(PoisonError::into_inner).take();
-    drop(held);
-    match fault {
-        Some(problem) if !response.status().is_success() => problem.into_response(),
-        _ => response,
+/// A body of which nothing has been read.
+pub(crate) struct IncomingBody {
+    body: Body,
+    headers: HeaderMap,
+    owner: Owner,
+    service: Shared,
+}
+
+/// A body that is there, and the memory for it and for what it is parsed into.
+#[derive(Debug)]
+pub(crate) struct Received {
+    /// Its bytes, decompressed.
+    pub bytes: Bytes,
+    /// Held until the request is answered.
+    pub reservation: Reservation,
+}
+
+impl FromRequest<Shared> for IncomingBody {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, service: &Shared) -> Result<Self, Problem> {
+        let (parts, body) = request.into_parts();
+        let owner = owners::owner(&parts.extensions);
+        Ok(Self { body, headers: parts.headers, owner, service: service.clone() })
     }
 }
 
-/// A body that is still to be read.
+impl IncomingBody {
+    /// The request's headers.
+    pub(crate) fn headers(&self) -> &HeaderMap {
+        &self.headers
+    }
+
+    /// Whose request it is.
+    pub(crate) fn owner(&self) -> &Owner {
+        &self.owner
+    }
+
+    /// The whole body, of at most `bytes_max` bytes as it is sent.
+    ///
+    /// # Errors
+    /// A problem: too large, too slow, cut off, compressed in a way that is not known or damaged, a part of a file, or no
+    /// memory for it.
+    pub(crate) async fn receive(self, bytes_max: u64) -> Result<Received, Problem> {
+        refuse_parts(&self.headers)?;
+        let coding = Coding::of(&self.headers)?;
+        let announced = self.headers.get(header::CONTENT_LENGTH);
+        let announced = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
+        let bytes_max = bytes_max.min(self.service.limits.body_bytes);
+        if announced.is_some_and(|length| length > bytes_max) {
+            return Err(too_large(bytes_max));
+        }
+        let Self { body, owner, service, .. } = self;
+        let reservation = service.memory.begin(owner);
+        let mut intake = Intake { service, announced, reservation };
+        let mut bytes = intake.receive(body.into_data_stream(), bytes_max).await?;
+        if let Some(coding) = coding {
+            bytes = intake.decode(coding, bytes).await?;
+        }
+        intake.reservation.arrived(bytes.len() as u64);
+        Ok(Received { bytes: bytes.into(), reservation: intake.reservation })
+    }
+}
+
+/// A body while it is received.
 struct Intake {
-    body: Body,
+    service: Shared,
     announced: Option<u64>,
-    coding: Option<Coding>,
-    limits: Limits,
-    compute: Compute,
-    metrics: Arc<Metrics>,
+    reservation: Reservation,
 }
 
 impl Intake {
-    /// # Errors
-    /// A problem that can be told from the headers alone.
-    fn of(service: &Shared, headers: &HeaderMap, body: Body) -> Result<Self, Problem> {
-        let coding = Coding::of(headers)?;
-        let announced = headers.get(header::CONTENT_LENGTH);
-        let announced = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
-        let limits = service.limits.clone();
-        if announced.is_some_and(|length| length > limits.body_bytes) {
-            return Err(too_large(limits.body_bytes));
-        }
-        let (compute, metrics) = (service.compute.clone(), Arc::clone(&service.metrics));
-        Ok(Self { body, announced, coding, limits, compute, metrics })
-    }
-
-    /// The whole body, decompressed.
-    async fn whole(mut self, held: &mut Held) -> Result<Bytes, Problem> {
-        let mut bytes = self.receive(held).await?;
-        if let Some(coding) = self.coding {
-            let bounds =
-                Bounds { bytes_max: self.limits.decoded_bytes, ratio_max: self.limits.decoded_ratio_max };
-            bytes = self.compute.run(move || coding.decode(&bytes, bounds)).await??;
-            held.grow_to(bytes.len() as u64)?;
-        }
-        let bytes = Bytes::from(bytes);
-        let looked_at = bytes.clone();
-        let unpacked = self.compute.run(move || reader::unpacked_bytes(&looked_at)).await?;
-        held.grow_to(unpacked as u64)?;
-        Ok(bytes)
-    }
-
-    async fn receive(&mut self, held: &mut Held) -> Result<Vec<u8>, Problem> {
-        if let Some(length) = self.announced {
-            held.wait_for(length).await?;
-        }
-        let reserved = self.announced.unwrap_or(0).min(RESERVED_BYTES_MAX);
-        let mut bytes = Vec::with_capacity(reserved as usize);
-        let deadline = Instant::now() + self.limits.body_time;
-        let mut chunks = std::mem::take(&mut self.body).into_data_stream();
+    async fn receive(&mut self, mut chunks: BodyDataStream, bytes_max: u64) -> Result<Vec<u8>, Problem> {
+        let limits = &self.service.limits;
+        let mut pace = Pace::new(limits.stall, limits.body_rate_min);
+        let deadline = Instant::now() + limits.body_time;
+        let (mut bytes, mut covered) = (Vec::new(), 0);
         loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            let chunk = timeout(self.limits.stall.min(left), chunks.next()).await;
-            let Some(chunk) = chunk.map_err(|_| self.too_slow(left))? else { return Ok(bytes) };
-            let chunk = chunk.map_err(|error| {
-                tracing::debug!(%error, "upload interrupted");
-                Problem::new(Kind::Interrupted, "the body ended before all of it had come")
-            })?;
+            let chunk = self.next(&mut chunks, bytes.len() as u64, &mut pace, deadline).await?;
+            let Some(chunk) = chunk else { return Ok(bytes) };
             let length = (bytes.len() + chunk.len()) as u64;
-            if length > self.limits.body_bytes {
-                return Err(too_large(self.limits.body_bytes));
+            if length > bytes_max {
+                return Err(too_large(bytes_max));
             }
-            self.metrics.received(chunk.len() as u64);
-            held.grow_to(length)?;
+            self.service.metrics.received(chunk.len() as u64);
+            if length > covered {
+                covered = length + (length / 2).clamp(AHEAD_BYTES.0, AHEAD_BYTES.1);
+                covered = covered.min(self.announced.unwrap_or(u64::MAX).max(length));
+                self.grow_to(covered, pace.waited() > SLOW).await?;
+            }
             bytes.extend_from_slice(&chunk);
         }
     }
 
-    fn too_slow(&self, left: Duration) -> Problem {
-        let told = if left <= self.limits.stall {
-            format!("the body took longer than {} seconds", self.limits.body_time.as_secs_f64())
-        } else {
-            format!("no data came for {} seconds", self.limits.stall.as_secs_f64())
-        };
-        Problem::new(Kind::RequestTimeout, told)
+    /// What comes next, within the time that there is for it.
+    async fn next(
+        &mut self,
+        chunks: &mut BodyDataStream,
+        there: u64,
+        pace: &mut Pace,
+        deadline: Instant,
+    ) -> Result<Option<Bytes>, Problem> {
+        let mut stalled = Duration::ZERO;
+        loop {
+            let stall = self.service.limits.stall.saturating_sub(stalled);
+            let left = deadline.saturating_duration_since(Instant::now());
+            let patience = stall.min(left).min(pace.left());
+            let becomes_slow = SLOW.checked_sub(pace.waited()).filter(|rest| *rest < patience);
+            let began = Instant::now();
+            let chunk = timeout(becomes_slow.unwrap_or(patience), chunks.next()).await;
+            pace.wait(began.elapsed());
+            stalled += began.elapsed();
+            match chunk {
+                Ok(None) => return Ok(None),
+                Ok(Some(Ok(chunk))) => {
+                    pace.arrive(chunk.len());
+                    return Ok(Some(chunk));
+                }
+                Ok(Some(Err(error))) => {
+                    tracing::debug!(%error, "upload interrupted");
+                    return Err(Problem::new(Kind::Interrupted, "the body ended before all of it had come"));
+                }
+                Err(_) if becomes_slow.is_some() => self.grow_to(there, true).await?,
+                Err(_) if left <= patience => return Err(self.too_long()),
+                Err(_) if stall <= patience => return Err(self.stalled()),
+                Err(_) => return Err(self.too_slow()),
+            }
+        }
     }
+
+    async fn grow_to(&mut self, bytes: u64, is_slow: bool) -> Result<(), Problem> {
+        let left = self.announced.map(|length| length.saturating_sub(bytes));
+        self.reservation.grow(Arrival { bytes, left, is_slow }).await
+    }
+
+    /// What the body holds, decompressed piece by piece as room is found for it.
+    async fn decode(&mut self, coding: Coding, bytes: Vec<u8>) -> Result<Vec<u8>, Problem> {
+        let limits = &self.service.limits;
+        let bounds = Bounds { bytes_max: limits.decoded_bytes, ratio_max: limits.decoded_ratio_max };
+        let compressed = bytes.len() as u64;
+        let mut decoder = coding.decoder(bytes.into(), bounds);
+        loop {
+            let piece = (decoder.decoded() / 2).clamp(DECODED_BYTES.0, DECODED_BYTES.1);
+            let bytes = compressed.max(decoder.decoded() + piece);
+            self.reservation.grow(Arrival { bytes, left: None, is_slow: false }).await?;
+            let decode = move || decoder.decode(piece as usize).map(|is_whole| (is_whole, decoder));
+            let is_whole;
+            (is_whole, decoder) = self.service.reading.run(decode).await??;
+            if is_whole {
+                return Ok(decoder.into_bytes());
+            }
+        }
+    }
+
+    fn too_long(&self) -> Problem {
+        let seconds = self.service.limits.body_time.as_secs_f64();
+        Problem::new(Kind::RequestTimeout, format!("the body took longer than {seconds} seconds"))
+    }
+
+    fn stalled(&self) -> Problem {
+        let seconds = self.service.limits.stall.as_secs_f64();
+        Problem::new(Kind::RequestTimeout, format!("no data came for {seconds} seconds"))
+    }
+
+    fn too_slow(&self) -> Problem {
+        let limits = &self.service.limits;
+        Problem::new(
+            Kind::RequestTimeout,
+            format!(
+                "the body came slower than {} bytes per second over {} seconds",
+                limits.body_rate_min,
+                limits.stall.as_secs_f64()
+            ),
+        )
+    }
+}
+
+/// A part of a file stored as if it were the file would be wrong (RFC 9110 §14.5).
+fn refuse_parts(headers: &HeaderMap) -> Result<(), Problem> {
+    if !headers.contains_key(header::CONTENT_RANGE) {
+        return Ok(());
+    }
+    Err(Problem::new(
+        Kind::MalformedRequest,
+        "Content-Range announces a part of a file, and uploads cannot be continued; send the whole file, with curl \
+         without -C",
+    ))
 }
 
 fn too_large(limit: u64) -> Problem {

@@ -1,10 +1,11 @@
 //! Compressed request bodies (`Content-Encoding`), decompressed within bounds of size and ratio.
 
-use std::io::{self, Read};
+use std::io::{self, Cursor, Read};
 
+use axum::body::Bytes;
 use axum::http::{HeaderMap, header};
 use flate2::read::MultiGzDecoder;
-use ruzstd::decoding::StreamingDecoder;
+use ruzstd::decoding::{FrameDecoder, StreamingDecoder};
 
 use super::problem::{Kind, Problem};
 
@@ -62,50 +63,97 @@ impl Coding {
         }
     }
 
-    /// What `bytes` hold.
+    /// What `bytes` hold, to be decoded piece by piece.
+    pub(crate) fn decoder(self, bytes: Bytes, bounds: Bounds) -> Decoder {
+        let by_ratio = (bytes.len() as u64).saturating_mul(bounds.ratio_max).max(RATIO_FREE_BYTES);
+        let limit = bounds.bytes_max.min(by_ratio);
+        let source = match self {
+            Self::Gzip => Source::Gzip(Box::new(MultiGzDecoder::new(Cursor::new(bytes)))),
+            Self::Zstd => Source::BetweenFrames(Cursor::new(bytes)),
+        };
+        Decoder { source, bounds, limit, decoded: Vec::new() }
+    }
+}
+
+/// A compressed body on its way out.
+pub(crate) struct Decoder {
+    source: Source,
+    bounds: Bounds,
+    limit: u64,
+    decoded: Vec<u8>,
+}
+
+enum Source {
+    Gzip(Box<MultiGzDecoder<Cursor<Bytes>>>),
+    Zstd(Box<StreamingDecoder<Cursor<Bytes>, FrameDecoder>>),
+    /// Parallel compressors write several frames of zstd, one after the other.
+    BetweenFrames(Cursor<Bytes>),
+}
+
+impl Decoder {
+    /// Bytes that came out so far.
+    pub(crate) fn decoded(&self) -> u64 {
+        self.decoded.len() as u64
+    }
+
+    /// What came out.
+    pub(crate) fn into_bytes(self) -> Vec<u8> {
+        self.decoded
+    }
+
+    /// Decodes about `piece` bytes more, and tells whether that was all.
     ///
     /// # Errors
     /// A problem: damaged, cut off, or over the bounds.
-    pub(crate) fn decode(self, bytes: &[u8], bounds: Bounds) -> Result<Vec<u8>, Problem> {
-        let by_ratio = (bytes.len() as u64).saturating_mul(bounds.ratio_max).max(RATIO_FREE_BYTES);
-        let limit = bounds.bytes_max.min(by_ratio);
-        let mut decoded = Vec::new();
-        let read = match self {
-            Self::Gzip => gunzip(bytes, limit, &mut decoded),
-            Self::Zstd => unzstd(bytes, limit, &mut decoded),
-        };
-        if decoded.len() as u64 > limit {
-            return Err(bounds.crossed(limit));
+    pub(crate) fn decode(&mut self, piece: usize) -> Result<bool, Problem> {
+        let piece = (piece as u64).min(self.limit.saturating_add(1) - self.decoded());
+        let read = self.source.read(piece, &mut self.decoded);
+        if self.decoded() > self.limit {
+            return Err(self.bounds.crossed(self.limit));
         }
         read.map_err(|error| {
             Problem::new(
                 Kind::MalformedRequest,
                 format!("the body is not what its Content-Encoding says, or not whole: {error}"),
             )
-        })?;
-        Ok(decoded)
+        })
     }
 }
 
-/// Appends at most one byte more than `limit`.
-fn gunzip(bytes: &[u8], limit: u64, decoded: &mut Vec<u8>) -> io::Result<()> {
-    MultiGzDecoder::new(bytes).take(limit.saturating_add(1)).read_to_end(decoded).map(|_| ())
-}
+impl Source {
+    /// Appends `piece` bytes at most, fewer at the end of a frame; whether that was all.
+    fn read(&mut self, piece: u64, decoded: &mut Vec<u8>) -> io::Result<bool> {
+        match self {
+            Self::Gzip(gzip) => Ok((gzip.take(piece).read_to_end(decoded)? as u64) < piece),
+            Self::Zstd(frame) => {
+                if (frame.take(piece).read_to_end(decoded)? as u64) < piece {
+                    self.end_frame()?;
+                }
+                Ok(false)
+            }
+            Self::BetweenFrames(bytes) => {
+                if bytes.position() >= bytes.get_ref().len() as u64 {
+                    return Ok(true);
+                }
+                let bytes = std::mem::take(bytes);
+                let frame = StreamingDecoder::new_with_max_window_size(bytes, WINDOW_BYTES_MAX);
+                *self = Self::Zstd(Box::new(frame.map_err(io::Error::other)?));
+                Ok(false)
+            }
+        }
+    }
 
-/// Appends at most one byte more than `limit`.
-fn unzstd(mut bytes: &[u8], limit: u64, decoded: &mut Vec<u8>) -> io::Result<()> {
-    // Parallel compressors write several frames, one after the other.
-    while !bytes.is_empty() && decoded.len() as u64 <= limit {
-        let left = limit.saturating_add(1) - decoded.len() as u64;
-        let frame = StreamingDecoder::new_with_max_window_size(&mut bytes, WINDOW_BYTES_MAX);
-        let mut frame = frame.map_err(io::Error::other)?;
-        frame.by_ref().take(left).read_to_end(decoded)?;
+    fn end_frame(&mut self) -> io::Result<()> {
+        let Self::Zstd(frame) = std::mem::replace(self, Self::BetweenFrames(Cursor::default())) else {
+            return Ok(());
+        };
         let announced = frame.decoder.get_checksum_from_data();
         if announced.is_some() && announced != frame.decoder.get_calculated_checksum() {
             return Err(io::Error::other("its checksum does not hold"));
         }
+        *self = Self::BetweenFrames(frame.into_inner());
+        Ok(())
     }
-    Ok(())
 }
 
 impl Bounds {
@@ -149,14 +197,20 @@ mod tests {
             .collect()
     }
 
+    fn decode(coding: Coding, bytes: &[u8], bounds: Bounds) -> Result<Vec<u8>, Problem> {
+        let mut decoder = coding.decoder(Bytes::copy_from_slice(bytes), bounds);
+        while !decoder.decode(10_000)? {}
+        Ok(decoder.into_bytes())
+    }
+
     #[test]
     fn what_was_compressed_comes_back_in_one_part_or_several() {
         let halves = scan();
         let (first, second) = halves.split_at(halves.len() / 2);
         for (coding, compress) in [(Coding::Gzip, gzip as fn(&[u8]) -> Vec<u8>), (Coding::Zstd, zstd)] {
-            assert_eq!(coding.decode(&compress(&halves), BOUNDS).unwrap(), halves);
+            assert_eq!(decode(coding, &compress(&halves), BOUNDS).unwrap(), halves);
             let parts = [compress(first), compress(second)].concat();
-            assert_eq!(coding.decode(&parts, BOUNDS).unwrap(), halves);
+            assert_eq!(decode(coding, &parts, BOUNDS).unwrap(), halves);
         }
     }
 
@@ -164,7 +218,7 @@ mod tests {
     fn more_than_the_bytes_allowed_is_refused() {
         let bounds = Bounds { bytes_max: 1000, ratio_max: u64::MAX };
         for (coding, compressed) in [(Coding::Gzip, gzip(&scan())), (Coding::Zstd, zstd(&scan()))] {
-            let refused = coding.decode(&compressed, bounds).unwrap_err();
+            let refused = decode(coding, &compressed, bounds).unwrap_err();
             assert_eq!(refused.kind(), Kind::TooLarge, "{coding:?}");
         }
     }
@@ -174,17 +228,17 @@ mod tests {
         let bomb = vec![b'0'; 3 << 20];
         for (coding, compressed) in [(Coding::Gzip, gzip(&bomb)), (Coding::Zstd, zstd(&bomb))] {
             assert!(compressed.len() < 10_000);
-            assert_eq!(coding.decode(&compressed, BOUNDS).unwrap_err().kind(), Kind::TooLarge, "{coding:?}");
+            assert_eq!(decode(coding, &compressed, BOUNDS).unwrap_err().kind(), Kind::TooLarge, "{coding:?}");
         }
         let small = vec![b'0'; RATIO_FREE_BYTES as usize];
-        assert_eq!(Coding::Gzip.decode(&gzip(&small), BOUNDS).unwrap(), small);
+        assert_eq!(decode(Coding::Gzip, &gzip(&small), BOUNDS).unwrap(), small);
     }
 
     #[test]
     fn what_is_damaged_or_cut_off_is_refused() {
         for (coding, compressed) in [(Coding::Gzip, gzip(&scan())), (Coding::Zstd, zstd(&scan()))] {
             for bytes in [&compressed[..compressed.len() / 2], b"neither", &compressed[1..]] {
-                let refused = coding.decode(bytes, BOUNDS).unwrap_err();
+                let refused = decode(coding, bytes, BOUNDS).unwrap_err();
                 assert_eq!(refused.kind(), Kind::MalformedRequest, "{coding:?}");
             }
         }
@@ -194,7 +248,7 @@ mod tests {
     fn a_window_larger_than_http_allows_is_refused_before_it_is_allocated() {
         // Magic number, a descriptor without content size, a window of 2^(10 + 21) bytes, an empty last block.
         let frame = [0x28, 0xb5, 0x2f, 0xfd, 0x00, 21 << 3, 0x01, 0x00, 0x00];
-        assert_eq!(Coding::Zstd.decode(&frame, BOUNDS).unwrap_err().kind(), Kind::MalformedRequest);
+        assert_eq!(decode(Coding::Zstd, &frame, BOUNDS).unwrap_err().kind(), Kind::MalformedRequest);
     }
 
     #[test]

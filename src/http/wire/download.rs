@@ -7,9 +7,12 @@ use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
+use serde::Serialize;
 
 use super::accept::Offer;
+use super::memory::Reservation;
 use super::problem::{Kind, Problem};
+use crate::jobs::Wanted;
 
 /// A representation of a result, before its bytes are made.
 #[derive(Debug)]
@@ -25,7 +28,8 @@ pub(crate) struct Download {
 }
 
 impl Download {
-    /// The answer: 304, 206, 416, or the whole. `body` makes the bytes of a range; it is not called for HEAD.
+    /// The answer: 304, 206, 416, or the whole. `body` makes the bytes of a range; it is not called for HEAD. The memory
+    /// for what they are made of is kept until the last one is taken.
     ///
     /// # Errors
     /// A problem when the range lies outside of the result.
@@ -33,6 +37,7 @@ impl Download {
         self,
         method: &Method,
         headers: &HeaderMap,
+        reservation: Reservation,
         body: impl FnOnce(Range<u64>) -> Body,
     ) -> Result<Response, Problem> {
         let etag = format!("\"{}-{}\"", self.tag, self.offer.name);
@@ -47,7 +52,7 @@ impl Download {
         }
         answered.insert(header::VARY, HeaderValue::from_static("accept"));
         answered.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-        Ok(response)
+        Ok(reservation.until_sent(response))
     }
 
     fn bytes(
@@ -94,6 +99,24 @@ impl Download {
 pub(crate) fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
     let end = bytes.len() as u64;
     Body::from(Bytes::from(bytes).slice(span.start.min(end) as usize..span.end.min(end) as usize))
+}
+
+/// Why an answer could not be written: its client has left, which is nobody's fault, or ours.
+pub(crate) fn unwritten(error: &io::Error) -> Problem {
+    if error.kind() == io::ErrorKind::ConnectionAborted {
+        return Problem::new(Kind::Unavailable, "nobody waits for the answer any more");
+    }
+    Problem::internal(error)
+}
+
+/// The JSON of an answer, as long as somebody waits for it.
+///
+/// # Errors
+/// A problem: its client has left.
+pub(crate) fn json(answer: &impl Serialize, wanted: &Wanted) -> Result<Vec<u8>, Problem> {
+    let mut text = Vec::new();
+    serde_json::to_writer(wanted.writer(&mut text), answer).map_err(|error| unwritten(&error.into()))?;
+    Ok(text)
 }
 
 /// Whether `If-None-Match` names `etag`: the client has these bytes already.

@@ -1,19 +1,22 @@
 //! What speaks HTTP: negotiation, conditions and ranges, bodies and their memory, arguments, problems.
 
 pub(super) mod accept;
-pub(super) mod answer_memory;
 pub(super) mod body;
-pub(super) mod body_memory;
 pub(super) mod coding;
 pub(super) mod compress;
+pub(super) mod compressed;
+pub(super) mod compression;
 pub(super) mod cors;
 pub(super) mod download;
 pub(super) mod drain;
 pub(super) mod guard;
 pub(super) mod keys;
+pub(super) mod memory;
 pub(super) mod owners;
+pub(super) mod pace;
 pub(super) mod paths;
 pub(super) mod problem;
 pub(super) mod query;
 pub(super) mod request;
+pub(super) mod retry;
 pub(super) mod upload;

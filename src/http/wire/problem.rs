@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
 
+use super::retry;
 use crate::analysis::AnalysisError;
 use crate::cloud::CloudError;
 use crate::cloud::reader::ReadError;
@@ -18,9 +19,6 @@ use crate::store::{JobFailure, StoreError};
 
 /// Media type of a problem.
 pub(crate) const MEDIA_TYPE: &str = "application/problem+json";
-
-/// Seconds after which a client that met a full queue may try again.
-const QUEUE_RETRY_SECONDS: u64 = 10;
 
 /// The kinds of problem; each has a stable `type`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -312,7 +310,7 @@ impl From<StoreError> for Problem {
             ),
             StoreError::QueueFull { limit } => {
                 Self::new(Kind::QueueFull, format!("the queue already holds {limit} jobs; try again later"))
-                    .with_header(header::RETRY_AFTER, QUEUE_RETRY_SECONDS.to_string())
+                    .with_header(header::RETRY_AFTER, retry::QUEUE_SECONDS.to_string())
             }
             StoreError::OverBudget { need, budget } => Self::new(
                 Kind::OverBudget,

@@ -1,13 +1,16 @@
 //! The uploaded file: taken from the body within limits, its format told from what came with it.
 
-use axum::body::Bytes;
+use axum::body::{Body, Bytes};
 use axum::extract::multipart::MultipartError;
 use axum::extract::{FromRequest, Multipart, Request};
 use axum::http::header;
-use futures_util::{Stream, StreamExt, TryStreamExt};
+use futures_util::FutureExt;
 
+use super::body::{IncomingBody, Received};
+use super::memory::{Arrival, Reservation};
 use super::problem::{Kind, Problem};
-use crate::cloud::reader::Format;
+use crate::cloud::reader::{self, Format};
+use crate::http::service::Service;
 
 /// What is told of an upload without a byte.
 const EMPTY: &str = "the body is empty; send the file as the body, as in `curl -T scan.ply`";
@@ -19,7 +22,7 @@ const UNSPECIFIC: [&str; 3] = ["application/octet-stream", "application/x-www-fo
 #[derive(Debug)]
 pub(crate) struct Upload {
     /// Its bytes.
-    pub bytes: Vec<u8>,
+    pub bytes: Bytes,
     /// What it is called, if the client said.
     pub file_name: Option<String>,
     /// Format that its media type stands for, if it stands for one.
@@ -27,22 +30,46 @@ pub(crate) struct Upload {
 }
 
 impl Upload {
-    /// Takes the file from the body, or from the first file part of a multipart body.
+    /// The file that a body is, or the first file part of a multipart body; beside it the memory for what it is parsed
+    /// into.
     ///
     /// # Errors
-    /// A problem: malformed, empty, of a media type that is not supported.
-    pub(crate) async fn receive(request: Request) -> Result<Self, Problem> {
-        let media_type = request.headers().get(header::CONTENT_TYPE);
+    /// A problem: malformed, empty, of a media type that is not supported, or no memory for it.
+    pub(crate) async fn receive(
+        service: &Service,
+        body: IncomingBody,
+    ) -> Result<(Self, Reservation), Problem> {
+        let media_type = body.headers().get(header::CONTENT_TYPE);
         let media_type = media_type.map(|value| value.to_str().unwrap_or("?").to_owned());
-        if media_type.as_deref().is_some_and(|media_type| essence(media_type) == "multipart/form-data") {
-            return Self::from_multipart(request).await;
+        let is_form =
+            media_type.as_deref().is_some_and(|media_type| essence(media_type) == "multipart/form-data");
+        // Refused before a byte is read.
+        let declared = if is_form { None } else { declared_format(media_type.as_deref())? };
+        let Received { bytes, mut reservation } = body.receive(u64::MAX).await?;
+        let upload = match media_type {
+            Some(media_type) if is_form => {
+                service.reading.run(move || Self::from_multipart(bytes, &media_type)).await??
+            }
+            _ => Self { bytes, file_name: None, declared },
+        };
+        if upload.bytes.is_empty() {
+            return Err(Problem::new(Kind::MalformedRequest, EMPTY));
         }
-        let declared = declared_format(media_type.as_deref())?;
-        let bytes = collect(EMPTY, request.into_body().into_data_stream().map_err(interrupted)).await?;
-        Ok(Self { bytes, file_name: None, declared })
+        let looked_at = upload.bytes.clone();
+        let unpacked = service.reading.run(move || reader::unpacked_bytes(&looked_at)).await?;
+        reservation.grow(Arrival { bytes: unpacked as u64, left: Some(0), is_slow: false }).await?;
+        reservation.arrived(unpacked.max(upload.bytes.len()) as u64);
+        Ok((upload, reservation))
     }
 
-    async fn from_multipart(request: Request) -> Result<Self, Problem> {
+    /// All of a multipart body is there: nothing in it is waited for.
+    fn from_multipart(bytes: Bytes, media_type: &str) -> Result<Self, Problem> {
+        Self::first_file(bytes, media_type).now_or_never().unwrap_or_else(|| Err(cut_off()))
+    }
+
+    async fn first_file(bytes: Bytes, media_type: &str) -> Result<Self, Problem> {
+        let request = Request::builder().header(header::CONTENT_TYPE, media_type).body(Body::from(bytes));
+        let request = request.map_err(|error| Problem::internal(&error))?;
         let mut parts = Multipart::from_request(request, &()).await.map_err(|rejection| {
             Problem::new(
                 Kind::MalformedRequest,
@@ -52,7 +79,7 @@ impl Upload {
         while let Some(part) = parts.next_field().await.map_err(malformed)? {
             let Some(file_name) = part.file_name().map(str::to_owned) else { continue };
             let declared = declared_format(part.content_type())?;
-            let bytes = collect(EMPTY, part.map_err(malformed)).await?;
+            let bytes = part.bytes().await.map_err(malformed)?;
             return Ok(Self { bytes, file_name: Some(file_name), declared });
         }
         Err(Problem::new(
@@ -75,41 +102,13 @@ impl Upload {
     }
 }
 
-/// The whole body, whatever it is.
-///
-/// # Errors
-/// A problem: cut off, empty.
-pub(crate) async fn body(request: Request) -> Result<Vec<u8>, Problem> {
-    collect(
-        "the body is empty; send JSON or an npy file, as in `curl --data-binary @values.npy`",
-        request.into_body().into_data_stream().map_err(interrupted),
-    )
-    .await
-}
-
-/// Gathers chunks, which `super::body` keeps within the limits. A body in one chunk is not copied.
-async fn collect(
-    empty: &str,
-    mut chunks: impl Stream<Item = Result<Bytes, Problem>> + Unpin,
-) -> Result<Vec<u8>, Problem> {
-    let mut bytes = chunks.next().await.transpose()?.map(Vec::from).unwrap_or_default();
-    while let Some(chunk) = chunks.next().await {
-        bytes.extend_from_slice(&chunk?);
-    }
-    if bytes.is_empty() {
-        return Err(Problem::new(Kind::MalformedRequest, empty));
-    }
-    Ok(bytes)
-}
-
 #[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
 fn malformed(error: MultipartError) -> Problem {
     Problem::new(Kind::MalformedRequest, format!("the multipart body cannot be read: {}", error.body_text()))
 }
 
-#[allow(clippy::needless_pass_by_value)] // the shape of `map_err`
-fn interrupted(_: axum::Error) -> Problem {
-    Problem::new(Kind::Interrupted, "the body ended before all of it had come")
+fn cut_off() -> Problem {
+    Problem::new(Kind::MalformedRequest, "the multipart body ended before its last boundary")
 }
 
 /// What the media type of a file says of its format: nothing, a format, or something unsupported.
@@ -133,4 +132,37 @@ fn unsupported(reason: &str) -> Problem {
         format!("{reason}; accepted are {}, told by ?format= or by Content-Type", names.join(", ")),
     )
     .with("accepted", names)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn form(file: &str) -> Bytes {
+        format!(
+            "--b\r\nContent-Disposition: form-data; name=\"comment\"\r\n\r\nhello\r\n\
+             --b\r\nContent-Disposition: form-data; name=\"file\"; filename=\"scan.xyz\"\r\n\r\n{file}\r\n--b--\r\n"
+        )
+        .into()
+    }
+
+    #[test]
+    fn the_first_file_of_a_form_is_taken_whatever_its_size() {
+        for lines in [1, 10, 100_000] {
+            let file = "1 2 3\n".repeat(lines);
+            let upload = Upload::from_multipart(form(&file), "multipart/form-data; boundary=b").unwrap();
+            assert_eq!(upload.bytes, file);
+            assert_eq!(upload.file_name.as_deref(), Some("scan.xyz"));
+        }
+    }
+
+    #[test]
+    fn a_form_that_ends_anywhere_else_is_malformed() {
+        let whole = form("1 2 3\n");
+        // Without the line end behind it, the last boundary is still one.
+        for end in 0..whole.len() - 4 {
+            let refused = Upload::from_multipart(whole.slice(..end), "multipart/form-data; boundary=b");
+            assert_eq!(refused.unwrap_err().kind(), Kind::MalformedRequest, "{end} bytes");
+        }
+    }
 }

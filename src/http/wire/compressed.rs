@@ -1,0 +1,158 @@
+//! A body that is compressed piece by piece, away from the threads that serve requests.
+
+use std::future::Future;
+use std::io::{self, Write};
+use std::pin::Pin;
+use std::task::{Context, Poll};
+
+use axum::body::{Body, Bytes, HttpBody};
+use flate2::write::GzEncoder;
+use hyper::body::Frame;
+use zstd::stream::write::Encoder as ZstdEncoder;
+
+use super::compression::Compression;
+use super::memory::Reservation;
+use crate::jobs::{Compute, ComputeError};
+
+/// Bytes that are compressed at once.
+const PIECE_BYTES: usize = 64 << 10;
+/// Level of zstd: its fastest but for the negative ones, which hardly compress.
+const ZSTD_LEVEL: i32 = 1;
+
+/// A compressor, and what came out of it.
+pub(crate) enum Encoder {
+    /// RFC 1952.
+    Gzip(GzEncoder<Vec<u8>>),
+    /// RFC 8878.
+    Zstd(ZstdEncoder<'static, Vec<u8>>),
+}
+
+impl Encoder {
+    /// # Errors
+    /// The compressor's, for lack of memory.
+    pub(crate) fn new(compression: Compression) -> io::Result<Self> {
+        Ok(match compression {
+            Compression::Gzip => Self::Gzip(GzEncoder::new(Vec::new(), flate2::Compression::fast())),
+            Compression::Zstd => Self::Zstd(ZstdEncoder::new(Vec::new(), ZSTD_LEVEL)?),
+        })
+    }
+
+    /// Compresses `bytes`, and takes what comes out: nothing, where it waits for more.
+    fn encode(&mut self, bytes: &[u8]) -> io::Result<Vec<u8>> {
+        match self {
+            Self::Gzip(gzip) => {
+                gzip.write_all(bytes)?;
+                Ok(std::mem::take(gzip.get_mut()))
+            }
+            Self::Zstd(zstd) => {
+                zstd.write_all(bytes)?;
+                Ok(std::mem::take(zstd.get_mut()))
+            }
+        }
+    }
+
+    /// What is left to come out.
+    fn finish(self) -> io::Result<Vec<u8>> {
+        match self {
+            Self::Gzip(gzip) => gzip.finish(),
+            Self::Zstd(zstd) => zstd.finish(),
+        }
+    }
+}
+
+/// What comes out of a piece, and the compressor, unless that was the last.
+type Encoded = io::Result<(Option<Encoder>, Vec<u8>)>;
+
+/// A body under compression.
+pub(crate) struct CompressedBody {
+    body: Body,
+    /// Of the body's last frame, what is not compressed yet.
+    rest: Bytes,
+    state: State,
+    compute: Compute,
+    _reservation: Reservation,
+}
+
+enum State {
+    Idle(Encoder),
+    Encoding(Pin<Box<dyn Future<Output = Result<Encoded, ComputeError>> + Send>>),
+    Ended,
+}
+
+impl CompressedBody {
+    /// Pieces of at most this size are compressed at once, in a fraction of a millisecond: they do not wait for those of
+    /// large answers.
+    pub(crate) const PROMPT_BYTES: usize = 8 << 10;
+
+    /// `body` compressed by `encoder` on the threads of `compute`.
+    pub(crate) fn new(body: Body, encoder: Encoder, compute: Compute, reservation: Reservation) -> Self {
+        Self { body, rest: Bytes::new(), state: State::Idle(encoder), compute, _reservation: reservation }
+    }
+
+    /// Begins to compress the next piece, or what is left to come out when there is none.
+    fn encode(&self, mut encoder: Encoder, piece: Option<Bytes>) -> State {
+        let is_prompt = piece.as_ref().is_none_or(|piece| piece.len() <= Self::PROMPT_BYTES);
+        let work = move || match piece {
+            Some(piece) => encoder.encode(&piece).map(|bytes| (Some(encoder), bytes)),
+            None => encoder.finish().map(|bytes| (None, bytes)),
+        };
+        if is_prompt {
+            let encoded = work();
+            return State::Encoding(Box::pin(std::future::ready(Ok(encoded))));
+        }
+        State::Encoding(Box::pin(self.compute.run(work)))
+    }
+}
+
+impl HttpBody for CompressedBody {
+    type Data = Bytes;
+    type Error = axum::Error;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
+        loop {
+            match std::mem::replace(&mut self.state, State::Ended) {
+                State::Ended => return Poll::Ready(None),
+                State::Encoding(mut encoding) => {
+                    let Poll::Ready(encoded) = encoding.as_mut().poll(cx) else {
+                        self.state = State::Encoding(encoding);
+                        return Poll::Pending;
+                    };
+                    let (encoder, bytes) = match encoded.map_err(axum::Error::new) {
+                        Ok(encoded) => encoded.map_err(axum::Error::new)?,
+                        Err(error) => return Poll::Ready(Some(Err(error))),
+                    };
+                    self.state = encoder.map_or(State::Ended, State::Idle);
+                    if !bytes.is_empty() {
+                        return Poll::Ready(Some(Ok(Frame::data(bytes.into()))));
+                    }
+                }
+                State::Idle(encoder) if !self.rest.is_empty() => {
+                    let length = self.rest.len().min(PIECE_BYTES);
+                    let piece = self.rest.split_to(length);
+                    self.state = self.encode(encoder, Some(piece));
+                }
+                State::Idle(encoder) => {
+                    let Poll::Ready(frame) = Pin::new(&mut self.body).poll_frame(cx) else {
+                        self.state = State::Idle(encoder);
+                        return Poll::Pending;
+                    };
+                    match frame.transpose()? {
+                        Some(frame) => {
+                            // Our answers have no trailers.
+                            self.rest = frame.into_data().unwrap_or_default();
+                            self.state = State::Idle(encoder);
+                        }
+                        None => self.state = self.encode(encoder, None),
+                    }
+                }
+            }
+        }
+    }
+
+    fn is_end_stream(&self) -> bool {
+        matches!(self.state, State::Ended)
+    }
+}

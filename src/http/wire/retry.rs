@@ -1,0 +1,8 @@
+//! After how many seconds a client may try again: `Retry-After` (RFC 9110 §10.2.3).
+
+/// A job that is not finished: soon, since asking is cheap.
+pub(crate) const JOB_SECONDS: u64 = 1;
+/// A request that found no memory beside the others.
+pub(crate) const MEMORY_SECONDS: u64 = 5;
+/// A submission that met a full queue.
+pub(crate) const QUEUE_SECONDS: u64 = 10;
