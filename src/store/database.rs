@@ -29,8 +29,13 @@ const BUSY: Duration = Duration::from_secs(10);
 /// How long a caller waits for a connection. Long: the one writer may be storing a large cloud.
 const ACQUIRE: Duration = Duration::from_mins(2);
 
-/// Opens the file with one connection that writes and `readers` that read.
-pub(super) async fn open(path: &Path, readers: u32) -> Result<(SqlitePool, SqlitePool), StoreError> {
+/// Opens the file with one connection that writes, `readers` that read records, and `array_readers` that read arrays: a
+/// record is read in a moment and does not wait for those who read megabytes.
+pub(super) async fn open(
+    path: &Path,
+    readers: u32,
+    array_readers: u32,
+) -> Result<(SqlitePool, SqlitePool, SqlitePool), StoreError> {
     let options = SqliteConnectOptions::new()
         .filename(path)
         .create_if_missing(true)
@@ -44,8 +49,10 @@ pub(super) async fn open(path: &Path, readers: u32) -> Result<(SqlitePool, Sqlit
     check_engine(&writer).await?;
     check_owner(&writer).await?;
     sqlx::migrate!("./migrations").run(&writer).await.map_err(|e| StoreError::Database(e.to_string()))?;
-    let readers = pool(readers).connect_with(options.pragma("query_only", "ON")).await?;
-    Ok((writer, readers))
+    let options = options.pragma("query_only", "ON");
+    let arrays = pool(array_readers).connect_with(options.clone()).await?;
+    let readers = pool(readers).connect_with(options).await?;
+    Ok((writer, readers, arrays))
 }
 
 /// Connections to a file do not go stale: they are neither tested nor replaced.

@@ -24,7 +24,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn remembered(&self, owner: &Owner, name: &str) -> Result<Option<Remembered>, StoreError> {
-        let mut snapshot = self.read().await?;
+        let mut snapshot = self.readers.begin().await?;
         remembered(&mut snapshot, owner, name, self.now() - REMEMBERED).await
     }
 

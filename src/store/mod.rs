@@ -3,7 +3,7 @@
 //! No SQLite type appears in a signature: a second engine can take this one's place.
 //!
 //! One connection writes, so writers queue in this process instead of failing at the file's lock; many read, each from
-//! the snapshot at which its reading began. A write that has begun runs to its end even if whoever asked for it goes
+//! the snapshot at which its reading began, records and arrays by connections of their own. A write that has begun runs to its end even if whoever asked for it goes
 //! away, because a handler's future is dropped when its client disconnects.
 
 mod arrays;
@@ -52,7 +52,10 @@ pub type Milliseconds = i64;
 #[derive(Debug, Clone)]
 pub struct Store {
     writer: SqlitePool,
+    /// For records.
     readers: SqlitePool,
+    /// For clouds and results.
+    arrays: SqlitePool,
     settings: Arc<StoreSettings>,
     disk: disk::Disk,
     changes: watch::Sender<u64>,
@@ -72,14 +75,23 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn open_with(path: &Path, settings: StoreSettings) -> Result<Self, StoreError> {
-        let (writer, readers) = database::open(path, settings.readers).await?;
+        let (writer, readers, arrays) =
+            database::open(path, settings.readers, settings.array_readers).await?;
         let disk = disk::Disk::of(path, settings.disk_floor);
-        Ok(Self { writer, readers, settings: Arc::new(settings), disk, changes: watch::Sender::new(0) })
+        Ok(Self {
+            writer,
+            readers,
+            arrays,
+            settings: Arc::new(settings),
+            disk,
+            changes: watch::Sender::new(0),
+        })
     }
 
     /// Ends all connections and merges the write-ahead log into the file.
     pub async fn close(&self) {
         self.readers.close().await;
+        self.arrays.close().await;
         self.writer.close().await;
     }
 
@@ -125,9 +137,9 @@ impl Store {
         Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
     }
 
-    /// Begins a transaction in which several statements read one snapshot.
+    /// Begins a transaction in which several statements read arrays from one snapshot.
     async fn read(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
-        Ok(self.readers.begin().await?)
+        Ok(self.arrays.begin().await?)
     }
 
     fn announce(&self) {

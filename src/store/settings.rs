@@ -19,8 +19,10 @@ pub struct StoreSettings {
     pub disk_floor: u64,
     /// How long a claim holds without a heartbeat, in milliseconds.
     pub lease: Milliseconds,
-    /// Connections for reading.
+    /// Connections for reading records.
     pub readers: u32,
+    /// Connections for reading clouds and results.
+    pub array_readers: u32,
     /// Source of every time that is stored or compared.
     pub clock: Clock,
 }
@@ -33,7 +35,8 @@ impl Default for StoreSettings {
             memory_budget: u64::MAX,
             disk_floor: 0,
             lease: 60_000,
-            readers: 8,
+            readers: 4,
+            array_readers: 4,
             clock: Clock::default(),
         }
     }
