@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use tokio::time::Instant;
 use uuid::Uuid;
 
@@ -86,4 +86,34 @@ fn without_result(job: &JobRecord) -> Option<Problem> {
         }
     };
     Some(problem.with("state", job.state.name()))
+}
+
+/// Seconds of `Prefer: wait=N` (RFC 7240 §4.3).
+pub(crate) fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
+    let preferences = headers.get_all("prefer");
+    let mut preferences =
+        preferences.iter().filter_map(|value| value.to_str().ok()).flat_map(|value| value.split(','));
+    let seconds =
+        preferences.find_map(|preference| preference.trim().strip_prefix("wait=")?.parse::<u64>().ok())?;
+    Some(Duration::from_secs(seconds.min(WAIT_SECONDS_MAX)))
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::{HeaderName, HeaderValue};
+
+    use super::*;
+
+    #[test]
+    fn a_preferred_wait_is_bounded() {
+        let wait = |value| {
+            preferred_wait(&HeaderMap::from_iter([(
+                HeaderName::from_static("prefer"),
+                HeaderValue::from_static(value),
+            )]))
+        };
+        assert_eq!(wait("respond-async, wait=7"), Some(Duration::from_secs(7)));
+        assert_eq!(wait("wait=7000"), Some(Duration::from_secs(WAIT_SECONDS_MAX)));
+        assert_eq!(wait("wait=soon"), None);
+    }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
+use axum::http::{HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::Value;
@@ -23,7 +23,7 @@ use crate::cloud::reader::{self, Format, ReadOptions};
 use crate::cloud::{NonFinite, PointCloud};
 use crate::http::notation::{now, parse_id};
 use crate::http::service::{Service, Shared};
-use crate::http::wait::{WAIT_SECONDS_MAX, settled};
+use crate::http::wait::{preferred_wait, settled};
 use crate::http::wire::body::{IncomingBody, Received};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
 use crate::http::wire::query::{Accepts, Argument, Arguments, Nothing, arguments};
@@ -335,16 +335,6 @@ fn read(
     Ok(cloud)
 }
 
-/// Seconds of `Prefer: wait=N` (RFC 7240 §4.3).
-fn preferred_wait(headers: &HeaderMap) -> Option<Duration> {
-    let preferences = headers.get_all("prefer");
-    let mut preferences =
-        preferences.iter().filter_map(|value| value.to_str().ok()).flat_map(|value| value.split(','));
-    let seconds =
-        preferences.find_map(|preference| preference.trim().strip_prefix("wait=")?.parse::<u64>().ok())?;
-    Some(Duration::from_secs(seconds.min(WAIT_SECONDS_MAX)))
-}
-
 async fn answer(
     service: &Service,
     submitted: Submitted,
@@ -416,18 +406,5 @@ mod tests {
         let Accepts::Word(words) = UPLOAD[0].accepts else { panic!("format is a word") };
         let names: Vec<_> = Format::ALL.iter().map(|format| format.name()).collect();
         assert_eq!(words, names);
-    }
-
-    #[test]
-    fn a_preferred_wait_is_bounded() {
-        let wait = |value| {
-            preferred_wait(&HeaderMap::from_iter([(
-                HeaderName::from_static("prefer"),
-                HeaderValue::from_static(value),
-            )]))
-        };
-        assert_eq!(wait("respond-async, wait=7"), Some(Duration::from_secs(7)));
-        assert_eq!(wait("wait=7000"), Some(Duration::from_secs(WAIT_SECONDS_MAX)));
-        assert_eq!(wait("wait=soon"), None);
     }
 }
