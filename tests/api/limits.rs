@@ -159,7 +159,7 @@ async fn received(service: &Service, bytes: usize) {
     }
 }
 
-#[tokio::test]
+#[tokio::test(flavor = "multi_thread")]
 async fn a_body_that_finds_no_memory_free_is_told_when_to_try_again() {
     // Room for 2 MB; a client that has sent 1.5 MB goes on byte by byte.
     let service = Service::with_settings(|settings| {
@@ -183,7 +183,7 @@ async fn a_body_that_finds_no_memory_free_is_told_when_to_try_again() {
     slow.join().unwrap();
 }
 
-#[tokio::test]
+#[tokio::test(flavor = "multi_thread")]
 async fn what_clients_announce_takes_no_memory() {
     let service = Service::with_settings(|settings| settings.body_memory = 64 << 20).await;
     let paths = ["/clouds?format=xyz", "/clouds", "/clouds?analyze=false"];
@@ -227,7 +227,7 @@ async fn a_body_that_is_slower_than_the_least_rate_is_given_up() {
     assert_eq!(accepted.status(), StatusCode::CREATED);
 }
 
-#[tokio::test]
+#[tokio::test(flavor = "multi_thread")]
 async fn a_slow_body_holds_nothing_of_what_its_answer_takes() {
     let service = Service::with_settings(|settings| settings.body_memory = 1 << 20).await;
     let eigen = service.succeed("bases=20", file(&sphere(2000), Format::Ply)).await;
