@@ -149,6 +149,7 @@ pub fn analyze(
         sampling: &sampling,
         triangles: &triangles,
     };
+    warnings.splice(0..0, cloud.notes().iter().cloned());
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, cells, stars, triangles));
     progress.checkpoint()?;

@@ -90,7 +90,7 @@ fn the_same_seed_gives_the_same_file() {
 #[case("sample sphere --noise -1 -o a.ply", "noise=-1")]
 #[case("sample flat-torus-4 -o a.off", "flat-torus-4 has 4")]
 #[case("analyze missing.ply -o out", "missing.ply")]
-#[case("analyze bad.xyz -o out", "bad.xyz: XYZ, line 2: `two` is no number")]
+#[case("analyze bad.xyz -o out", "bad.xyz: XYZ, line 2: `two` is not a number")]
 #[case("analyze bad.bin -o out", "unknown format; name it with --format")]
 #[case("analyze three.xyz -o out", "")]
 #[case("analyze line.xyz -k 2 -o out", "")]

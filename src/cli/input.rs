@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 use std::path::Path;
 
-use chladni::cloud::reader::{Format, Limits, ReadOptions, read};
+use chladni::cloud::reader::{self, Format, Limits, ReadOptions, read};
 use chladni::cloud::{NonFinite, PointCloud};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -21,9 +21,9 @@ pub(super) struct CloudArgs {
     #[arg(long, value_name = "D")]
     coordinates: Option<usize>,
 
-    /// For files of several scans (E57): which one, counting from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    scan: usize,
+    /// For files of several scans (E57, PTX): which one, counting from 0; all of them by default
+    #[arg(long, value_name = "N")]
+    scan: Option<usize>,
 
     /// Rows with a non-finite coordinate: refuse the cloud, or drop the rows
     #[arg(long, default_value = "reject", value_parser = policies())]
@@ -45,20 +45,24 @@ impl CloudArgs {
     pub(super) fn read(&self, path: &Path) -> Result<PointCloud, Failure> {
         let shown = shown(path);
         let bytes = bytes(path)?;
-        let format = self.format.or_else(|| of_extension(path)).or_else(|| Format::sniff(&bytes));
+        let format =
+            self.format.or_else(|| Format::of_file(path.file_name().and_then(|name| name.to_str()), &bytes));
         let Some(format) = format else {
+            if let Some(error) = reader::foreign(&bytes) {
+                return Err(Failure::Input(format!("{shown}: {error}")));
+            }
             let names = Format::ALL.map(Format::name).join(", ");
             return Err(Failure::Input(format!("{shown}: unknown format; name it with --format ({names})")));
         };
         // The service's limits protect it from strangers; here the caller's own machine is the limit.
-        let limits =
-            Limits { points_max: u32::MAX as usize, faces_max: u32::MAX as usize, ..Limits::default() };
-        let options = ReadOptions {
-            policy: self.nonfinite,
-            dimension: self.coordinates,
-            scan: Some(self.scan),
-            limits,
+        let limits = Limits {
+            points_max: u32::MAX as usize,
+            faces_max: u32::MAX as usize,
+            fields_max: usize::MAX,
+            ..Limits::default()
         };
+        let options =
+            ReadOptions { policy: self.nonfinite, dimension: self.coordinates, scan: self.scan, limits };
         read(&bytes, format, &options).map_err(|error| Failure::Input(format!("{shown}: {error}")))
     }
 }
@@ -77,8 +81,4 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
 /// How messages name a file.
 fn shown(path: &Path) -> String {
     if is_standard(path) { "standard input".to_owned() } else { path.display().to_string() }
-}
-
-fn of_extension(path: &Path) -> Option<Format> {
-    Format::from_extension(path.extension()?.to_str()?)
 }

@@ -2,13 +2,18 @@
 
 mod error;
 mod grid;
+mod las;
+mod origin;
 pub mod reader;
 mod scalar;
 pub mod shapes;
+mod survey;
 pub mod writer;
 
 pub use error::CloudError;
 pub use grid::Grid;
+pub use origin::Origin;
+pub use survey::{Bytes, Survey};
 
 /// Largest ambient dimension d of a cloud.
 pub const DIMENSION_MAX: usize = 8;
@@ -71,6 +76,7 @@ pub struct PointCloud {
     coordinates: Vec<f64>,
     coordinate_type: ScalarType,
     grids: Option<[Grid; 3]>,
+    origin: Origin,
     fields: Vec<ScalarField>,
     faces: Vec<[u32; 3]>,
     /// Triangles that continue the polygon of the one before, ascending.
@@ -112,6 +118,7 @@ impl PointCloud {
             coordinates,
             coordinate_type: ScalarType::Float64,
             grids: None,
+            origin: Origin::default(),
             fields: Vec::new(),
             faces: Vec::new(),
             continued: Vec::new(),
@@ -138,6 +145,20 @@ impl PointCloud {
     #[must_use]
     pub fn with_grids(mut self, grids: Option<[Grid; 3]>) -> Self {
         self.grids = grids;
+        self
+    }
+
+    /// Remembers what the file said beside its points.
+    #[must_use]
+    pub fn with_origin(mut self, origin: Origin) -> Self {
+        self.origin = origin;
+        self
+    }
+
+    /// Adds to what is told of the file.
+    #[must_use]
+    pub fn with_notes(mut self, notes: impl IntoIterator<Item = String>) -> Self {
+        self.origin.notes.extend(notes);
         self
     }
 
@@ -232,6 +253,18 @@ impl PointCloud {
     #[must_use]
     pub fn grids(&self) -> Option<[Grid; 3]> {
         self.grids
+    }
+
+    /// What the file said beside its points.
+    #[must_use]
+    pub fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    /// What was left out of the file, and what was not taken word for word; a sentence each.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.origin.notes
     }
 
     /// The per-point scalars, in file order.

@@ -92,6 +92,52 @@ impl ScalarType {
     }
 }
 
+/// How a number is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::cloud) enum Stored {
+    Scalar(ScalarType),
+    /// 64 bits; exact in `f64` up to 2⁵³.
+    Integer {
+        is_signed: bool,
+    },
+}
+
+impl Stored {
+    /// The type with this PLY name; beside those of PLY the ones that programs made up for 64 bits and truth values.
+    pub(in crate::cloud) fn from_ply_name(name: &[u8]) -> Option<Self> {
+        Some(match name {
+            b"bool" | b"boolean" => Self::Scalar(ScalarType::Uint8),
+            b"int64" | b"longlong" | b"long" => Self::Integer { is_signed: true },
+            b"uint64" | b"ulonglong" | b"ulong" => Self::Integer { is_signed: false },
+            name => Self::Scalar(ScalarType::from_ply_name(name)?),
+        })
+    }
+
+    /// The type in which values are kept.
+    pub(in crate::cloud) const fn scalar_type(self) -> ScalarType {
+        match self {
+            Self::Scalar(kind) => kind,
+            Self::Integer { .. } => ScalarType::Float64,
+        }
+    }
+
+    /// Whether it is an integer.
+    pub(in crate::cloud) fn is_integer(self) -> bool {
+        match self {
+            Self::Scalar(kind) => kind.integer_range().is_some(),
+            Self::Integer { .. } => true,
+        }
+    }
+
+    /// Bytes.
+    pub(in crate::cloud) const fn size(self) -> usize {
+        match self {
+            Self::Scalar(kind) => kind.size(),
+            Self::Integer { .. } => 8,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

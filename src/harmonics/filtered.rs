@@ -56,7 +56,9 @@ impl Target {
             return Ok(Self::Coordinates);
         }
         let find = |name: &&str| {
-            let place = cloud.fields().iter().position(|field| field.name == *name);
+            let find = |name: &str| cloud.fields().iter().position(|field| field.name == name);
+            // The name of a scalar field in a PLY file may be given with its prefix.
+            let place = find(name).or_else(|| find(name.strip_prefix("scalar_")?));
             place.ok_or_else(|| TargetError::Unknown {
                 name: (*name).to_owned(),
                 fields: cloud.fields().iter().map(|field| field.name.clone()).collect(),
@@ -65,7 +67,8 @@ impl Target {
         names.iter().map(find).collect::<Result<_, _>>().map(Self::Fields)
     }
 
-    /// The numbers to filter; every duplicate has those of its first occurrence.
+    /// The numbers to filter; every duplicate has those of its first occurrence. Rows of a field that are not finite have
+    /// the mean of the others, and are remembered as missing.
     ///
     /// # Errors
     /// [`TargetError::NonFinite`].
@@ -75,7 +78,7 @@ impl Target {
             Self::Fields(places) => places
                 .iter()
                 .map(|&place| &cloud.fields()[place])
-                .map(|field| Function { name: field.name.clone(), values: field.values.clone() })
+                .map(|field| Function::new(field.name.clone(), field.values.clone()))
                 .collect(),
         };
         if let Some(row_of) = functions::representatives(cloud, mass) {
@@ -83,8 +86,10 @@ impl Target {
                 functions::represent(&mut function.values, &row_of);
             }
         }
-        for function in &functions {
-            if let Some(row) = functions::first_nonfinite(&function.values, mass) {
+        for function in &mut functions {
+            let Some(row) = functions::first_nonfinite(&function.values, mass) else { continue };
+            // A field may have gaps; a position is not made up.
+            if *self == Self::Coordinates || !function.fill_missing(mass) {
                 return Err(TargetError::NonFinite { name: function.name.clone(), row });
             }
         }
@@ -111,6 +116,7 @@ impl Target {
                 let kind = moved_type(&moved, cloud.coordinate_type());
                 let moved = moved
                     .with_coordinate_type(kind)
+                    .with_origin(cloud.origin().clone())
                     .with_faces(cloud.faces().to_vec())?
                     .with_fields(cloud.fields().to_vec())?;
                 with_normals(moved)
@@ -148,7 +154,7 @@ fn with_normals(cloud: PointCloud) -> Result<PointCloud, CloudError> {
     cloud.with_fields(fields)
 }
 
-/// A block's rows of the filtered functions. Rows without a result are as they were.
+/// A block's rows of the filtered functions. Rows without a result are as they were, rows that were missing are NaN.
 #[must_use]
 pub fn rows<C: AsRef<[f64]>>(
     block: &Block<C>,
@@ -164,6 +170,9 @@ pub fn rows<C: AsRef<[f64]>>(
         for (value, &before) in column.iter_mut().zip(before) {
             *value = if value.is_nan() { before } else { *value + transfer.outside * before };
         }
+        let rows = block.first as u32..(block.first + block.rows()) as u32;
+        let missing = function.missing.iter().filter(|row| rows.contains(row));
+        missing.for_each(|&row| column[row as usize - block.first] = f64::NAN);
     }
     columns
 }
@@ -194,6 +203,32 @@ impl Change {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_field_with_gaps_is_filtered_and_keeps_them() {
+        let nan = f64::NAN;
+        let field = crate::cloud::ScalarField {
+            name: "q".to_owned(),
+            kind: ScalarType::Float32,
+            values: vec![1.0, nan, 3.0, f64::INFINITY],
+        };
+        let cloud = PointCloud::new(1, vec![0.0, 1.0, 2.0, 3.0], NonFinite::Reject).unwrap();
+        let cloud = cloud.with_fields(vec![field]).unwrap();
+        let mass = [1.0, 1.0, 3.0, 0.0];
+        for name in ["q", "scalar_q"] {
+            let target = Target::named(&cloud, &[name]).unwrap();
+            let function = target.functions(&cloud, &mass).unwrap().swap_remove(0);
+            assert_eq!((&function.values[..3], &function.missing[..]), (&[1.0, 2.5, 3.0][..], &[1][..]));
+        }
+        let empty = cloud.clone().with_fields(vec![crate::cloud::ScalarField {
+            name: "q".to_owned(),
+            kind: ScalarType::Float32,
+            values: vec![nan; 4],
+        }]);
+        let empty = empty.unwrap();
+        let target = Target::named(&empty, &["q"]).unwrap();
+        assert!(matches!(target.functions(&empty, &mass), Err(TargetError::NonFinite { row: 0, .. })));
+    }
 
     fn moved(offset: f64, kind: ScalarType) -> ScalarType {
         let points = vec![offset, 0.0, 0.0, offset + 100.0, 50.0, 2.0];

@@ -11,13 +11,43 @@ pub struct Function {
     pub name: String,
     /// One value per row.
     pub values: Vec<f64>,
+    /// Rows that have mass but no value of their own, ascending: there `values` holds the mean of the others.
+    pub missing: Vec<u32>,
+}
+
+impl Function {
+    /// A function that has a value everywhere.
+    #[must_use]
+    pub fn new(name: impl Into<String>, values: Vec<f64>) -> Self {
+        Self { name: name.into(), values, missing: Vec::new() }
+    }
+
+    /// Gives the rows that have mass but no finite value the mean of the others, weighted by mass, and remembers them: a
+    /// scan has no intensity where its laser saw none, and that is no reason to know nothing of the rest. False when no
+    /// row has a value.
+    pub fn fill_missing(&mut self, mass: &[f64]) -> bool {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (&value, &mass) in
+            self.values.iter().zip(mass).filter(|(value, mass)| value.is_finite() && **mass > 0.0)
+        {
+            sum += mass * value;
+            weight += mass;
+        }
+        for (row, value) in self.values.iter_mut().enumerate() {
+            if mass[row] > 0.0 && !value.is_finite() {
+                self.missing.push(row as u32);
+                *value = sum / weight;
+            }
+        }
+        weight > 0.0
+    }
 }
 
 /// One coordinate of a cloud.
 #[must_use]
 pub fn coordinate(cloud: &PointCloud, axis: usize) -> Function {
     let values = cloud.coordinates().iter().skip(axis).step_by(cloud.dimension()).copied().collect();
-    Function { name: crate::cloud::writer::axis_name(axis), values }
+    Function::new(crate::cloud::writer::axis_name(axis), values)
 }
 
 /// All coordinates of a cloud.

@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 use super::arrays::Checksum;
 use super::content::{self, Part};
-use super::rows::{cloud_record, cloud_with_id, from_word, hex, integer, to_json, word};
+use super::rows::{cloud_record, cloud_with_id, from_word, integer, to_json, word};
 use super::{
     CloudRecord, FieldRecord, Milliseconds, Owner, Page, Store, StoreError, Submitted, detached, off_thread,
 };
@@ -240,7 +240,8 @@ async fn insert_cloud(
         cloud.fields().iter().map(|f| FieldRecord { name: f.name.clone(), kind: f.kind }).collect();
     sqlx::query(
         "INSERT INTO clouds (id, owner, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
-         coordinate_type, fields, faces, grids) VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
+         coordinate_type, fields, faces, grids, origin) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
     )
     .bind(id)
     .bind(owner.name())
@@ -255,6 +256,7 @@ async fn insert_cloud(
     .bind(to_json(&fields)?)
     .bind(integer(cloud.faces().len()))
     .bind(cloud.grids().map(|grids| to_json(&grids)).transpose()?)
+    .bind((!cloud.origin().is_empty()).then(|| to_json(cloud.origin())).transpose()?)
     .execute(&mut *connection)
     .await?;
     for part in Part::all(fields.len()) {
@@ -321,8 +323,9 @@ fn assemble(
         .and_then(|cloud| cloud.with_polygons(continued))
         .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?
         .with_coordinate_type(record.coordinate_type)
-        .with_grids(record.grids);
-    if hex(&content::digest(&cloud)?) != record.digest {
+        .with_grids(record.grids)
+        .with_origin(record.origin.clone());
+    if !content::has_digest(&cloud, &record.digest)? {
         return Err(StoreError::Damaged(format!("cloud {} does not match its digest", record.id)));
     }
     Ok(cloud)

@@ -3,21 +3,40 @@
 use sha2::{Digest, Sha256};
 
 use super::arrays::{Checksum, Number, read_exactly, write_exactly};
-use super::rows::word;
+use super::rows::{hex, to_json, word};
 use super::{CHUNK_POINTS, StoreError};
 use crate::cloud::{PointCloud, ScalarType};
 
 /// Prefix of what is hashed; another order or width of the parts gets another number.
-const DIGEST_VERSION: &[u8] = b"chladni cloud 1\0";
+const DIGEST_VERSION: &[u8] = b"chladni cloud 2\0";
+/// The prefix of before, when the type of the coordinates, their grids and their origin were left out.
+const DIGEST_VERSION_1: &[u8] = b"chladni cloud 1\0";
 
-/// SHA-256 over dimension, coordinates, fields and faces, each with its length before it and numbers by their bits; where
-/// there are polygons, over what makes them of the triangles too.
+/// SHA-256 over all that is kept of a cloud: dimension, coordinates, fields and faces, each with its length before it and
+/// numbers by their bits; what makes polygons of the triangles, where there are any; the coordinates' type and grids, and
+/// what the file said beside its points.
 ///
-/// The coordinates' type in the file is left out: the same points from a file of floats and one of doubles are the same
-/// cloud.
+/// Two uploads of the same numbers are one cloud only if they are written alike, too: neither gets the other's types.
 pub(super) fn digest(cloud: &PointCloud) -> Result<Checksum, StoreError> {
+    let mut hash = hash_of(cloud, DIGEST_VERSION)?;
+    add_text(&mut hash, &word(&cloud.coordinate_type())?);
+    add_text(&mut hash, &to_json(&cloud.grids())?);
+    add_text(&mut hash, &to_json(cloud.origin())?);
+    Ok(hash.finalize().into())
+}
+
+/// Whether a digest is the cloud's, by today's rule or, for clouds stored before it, by the first.
+pub(super) fn has_digest(cloud: &PointCloud, expected: &str) -> Result<bool, StoreError> {
+    if hex(&digest(cloud)?) == expected {
+        return Ok(true);
+    }
+    let first: Checksum = hash_of(cloud, DIGEST_VERSION_1)?.finalize().into();
+    Ok(hex(&first) == expected)
+}
+
+fn hash_of(cloud: &PointCloud, version: &[u8]) -> Result<Sha256, StoreError> {
     let mut hash = Sha256::new();
-    hash.update(DIGEST_VERSION);
+    hash.update(version);
     add_count(&mut hash, cloud.dimension());
     add_numbers(&mut hash, cloud.coordinates());
     add_count(&mut hash, cloud.fields().len());
@@ -30,7 +49,7 @@ pub(super) fn digest(cloud: &PointCloud) -> Result<Checksum, StoreError> {
     if !cloud.continued().is_empty() {
         add_numbers(&mut hash, cloud.continued());
     }
-    Ok(hash.finalize().into())
+    Ok(hash)
 }
 
 fn add_count(hash: &mut Sha256, count: usize) {
@@ -142,7 +161,7 @@ pub(super) fn read_numbers(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::{NonFinite, ScalarField};
+    use crate::cloud::{Grid, NonFinite, ScalarField};
 
     fn cloud(coordinates: &[f64]) -> PointCloud {
         PointCloud::new(2, coordinates.to_vec(), NonFinite::Drop).unwrap()
@@ -176,10 +195,33 @@ mod tests {
     }
 
     #[test]
-    fn the_digest_does_not_depend_on_the_width_that_the_coordinates_had_in_the_file() {
+    fn the_digest_tells_types_grids_and_origins_apart() {
         let wide = cloud(&[0.5, 1.0]);
-        let narrow = wide.clone().with_coordinate_type(ScalarType::Float32);
-        assert_eq!(digest(&wide).unwrap(), digest(&narrow).unwrap());
+        let grid = Grid { scale: 0.5, offset: 0.0 };
+        let clouds = [
+            wide.clone(),
+            wide.clone().with_coordinate_type(ScalarType::Float32),
+            wide.clone().with_grids(Some([grid; 3])),
+            wide.clone().with_notes(["something was left out".to_owned()]),
+        ];
+        let digests: std::collections::HashSet<Checksum> =
+            clouds.iter().map(|cloud| digest(cloud).unwrap()).collect();
+        assert_eq!(digests.len(), clouds.len());
+    }
+
+    #[test]
+    fn clouds_stored_by_the_first_version_are_recognized() {
+        // sha256 of the first version's layout: prefix, d = 2, two numbers, no fields, no faces.
+        let mut first = Sha256::new();
+        first.update(b"chladni cloud 1\0");
+        first.update([2_u64.to_le_bytes(), 2_u64.to_le_bytes()].concat());
+        first.update([0.5_f64.to_le_bytes(), 1.0_f64.to_le_bytes()].concat());
+        first.update([0_u64.to_le_bytes(), 0_u64.to_le_bytes()].concat());
+        let first: Checksum = first.finalize().into();
+        let narrow = cloud(&[0.5, 1.0]).with_coordinate_type(ScalarType::Float32);
+        assert!(has_digest(&narrow, &hex(&first)).unwrap());
+        assert!(has_digest(&narrow, &hex(&digest(&narrow).unwrap())).unwrap());
+        assert!(!has_digest(&cloud(&[0.5, 2.0]), &hex(&first)).unwrap());
     }
 
     #[test]

@@ -6,7 +6,7 @@ use uuid::Uuid;
 
 use super::{Milliseconds, Owner};
 use crate::analysis::{JobKind, Parameters, Report};
-use crate::cloud::{Grid, ScalarType};
+use crate::cloud::{Grid, Origin, ScalarType};
 use crate::progress::Phase;
 
 /// Name and type of a per-point scalar.
@@ -30,7 +30,7 @@ pub struct CloudRecord {
     pub name: Option<String>,
     /// When it was stored.
     pub created: Milliseconds,
-    /// SHA-256, hex, of coordinates, fields and faces: the same content has the same digest, whatever the format.
+    /// SHA-256, hex, of all that is kept of the upload: two uploads are the same cloud if it is equal.
     pub digest: String,
     /// Rows n.
     pub points: u64,
@@ -46,6 +46,8 @@ pub struct CloudRecord {
     pub coordinate_type: ScalarType,
     /// Grids of x, y and z in the upload, if it was a file of scaled integers.
     pub grids: Option<[Grid; 3]>,
+    /// What the file said beside its points.
+    pub origin: Origin,
     /// Per-point scalars.
     pub fields: Vec<FieldRecord>,
     /// Number of triangles.

@@ -61,6 +61,7 @@ pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
         bounding_box: json(row.try_get("bounding_box")?)?,
         coordinate_type: from_word(row.try_get("coordinate_type")?)?,
         grids: row.try_get::<Option<&str>, _>("grids")?.map(json).transpose()?,
+        origin: row.try_get::<Option<&str>, _>("origin")?.map(json).transpose()?.unwrap_or_default(),
         fields: json(row.try_get("fields")?)?,
         faces: count(row, "faces")?,
     })

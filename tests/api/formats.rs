@@ -170,7 +170,7 @@ async fn binary_formats_are_told_from_their_bytes_and_scans_by_number() {
         problem(service.post("/clouds", pcd).await, StatusCode::BAD_REQUEST, "malformed-file").await;
     assert_eq!(
         detail(&refused),
-        "PCD, line 8: `x` is no number; decimal numbers such as -1.5e-3 are accepted"
+        "PCD, line 8: `x` is not a number; decimal numbers such as -1.5e-3 are accepted"
     );
     let refused = service.post("/clouds?scan=some", pcd).await;
     problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;

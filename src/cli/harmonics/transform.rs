@@ -95,7 +95,7 @@ fn own(results: &Results) -> Result<Vec<Function>, Failure> {
 
 fn posted(path: &Path, results: &Results) -> Result<Vec<Function>, Failure> {
     let shown = path.display();
-    let named = |(i, values)| Function { name: format!("f{i}"), values };
+    let named = |(i, values)| Function::new(format!("f{i}"), values);
     let functions: Vec<Function> = results::columns(path)?.into_iter().enumerate().map(named).collect();
     let rows = results.mass.len();
     for function in &functions {
@@ -147,7 +147,7 @@ pub(crate) fn synthesis(args: &SynthesisArgs) -> Result<(), Failure> {
 /// Coefficients from an array, or from the `fields` of a JSON object.
 fn lists(path: &Path) -> Result<Vec<Function>, Failure> {
     if path.extension().is_none_or(|extension| extension != "json") {
-        let named = |(i, values)| Function { name: format!("f{i}"), values };
+        let named = |(i, values)| Function::new(format!("f{i}"), values);
         return Ok(results::columns(path)?.into_iter().enumerate().map(named).collect());
     }
     let refused = |what: &dyn std::fmt::Display| Failure::Input(format!("{}: {what}", path.display()));
@@ -160,7 +160,7 @@ fn lists(path: &Path) -> Result<Vec<Function>, Failure> {
             let values: Option<Vec<f64>> =
                 list.as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
             let values = values.ok_or_else(|| refused(&format!("`{name}` is no list of numbers")))?;
-            Ok(Function { name: name.clone(), values })
+            Ok(Function::new(name.clone(), values))
         })
         .collect()
 }

@@ -33,7 +33,7 @@ impl Column {
     }
 }
 
-/// The axis that a column name means. Axes beyond z are named as the PLY writer names them.
+/// The axis that a column name means. Axes beyond z are named as the PLY writer names them. No field has such a name.
 pub(super) fn axis(name: &str) -> Option<usize> {
     match name.trim() {
         "x" | "X" => Some(0),
@@ -50,6 +50,8 @@ pub(super) struct Columns {
     pub(super) dimension: usize,
     pub(super) coordinates: Vec<f64>,
     pub(super) fields: Vec<ScalarField>,
+    /// Told with the cloud.
+    pub(super) notes: Vec<String>,
     coordinate_type: ScalarType,
     limits: Limits,
 }
@@ -60,8 +62,8 @@ impl Columns {
         if dimension == 0 || dimension > columns.len() {
             return Err(ReadError::DimensionColumns { dimension, columns: columns.len() });
         }
-        let axes = (0..columns.len()).map(|i| (i < dimension).then_some(i)).collect();
-        Self::new(columns, axes, limits)
+        let axes: Vec<_> = (0..columns.len()).map(|i| (i < dimension).then_some(i)).collect();
+        Self::new(columns, &axes, limits)
     }
 
     /// Columns named x, y, z, `coordinate_3`… are coordinates, wherever they stand, the others fields; `None`
@@ -73,10 +75,15 @@ impl Columns {
         if present.is_empty() || present.iter().enumerate().any(|(i, &axis)| i != axis) {
             return Ok(None);
         }
-        Self::new(columns, axes, limits).map(Some)
+        Self::new(columns, &axes, limits).map(Some)
     }
 
-    fn new(columns: &[Column], axes: Vec<Option<usize>>, limits: &Limits) -> Result<Self, ReadError> {
+    /// Columns that have an axis are coordinates along it, the others fields.
+    pub(super) fn new(
+        columns: &[Column],
+        axes: &[Option<usize>],
+        limits: &Limits,
+    ) -> Result<Self, ReadError> {
         let dimension = axes.iter().flatten().count();
         if dimension > limits.dimension_max {
             return Err(ReadError::Dimension { dimension, dimension_max: limits.dimension_max });
@@ -88,7 +95,7 @@ impl Columns {
         let mut fields: Vec<ScalarField> = Vec::with_capacity(count);
         let mut kinds = Vec::with_capacity(dimension);
         let mut targets = Vec::with_capacity(columns.len());
-        for (column, axis) in columns.iter().zip(axes) {
+        for (column, &axis) in columns.iter().zip(axes) {
             targets.push(axis.map_or(Target::Field(fields.len()), Target::Coordinate));
             if axis.is_some() {
                 kinds.push(column.kind);
@@ -100,7 +107,18 @@ impl Columns {
         let same = kinds.windows(2).all(|pair| pair[0] == pair[1]);
         let coordinate_type =
             if same { kinds.first().copied().unwrap_or(ScalarType::Float64) } else { ScalarType::Float64 };
-        Ok(Self { targets, dimension, coordinates: Vec::new(), fields, coordinate_type, limits: *limits })
+        let (coordinates, notes) = (Vec::new(), Vec::new());
+        Ok(Self { targets, dimension, coordinates, fields, notes, coordinate_type, limits: *limits })
+    }
+
+    /// Leaves a field out, from here on and what it had.
+    pub(super) fn leave_out(&mut self, field: usize) {
+        self.fields[field].values = Vec::new();
+        for target in &mut self.targets {
+            if *target == Target::Field(field) {
+                *target = Target::Skipped;
+            }
+        }
     }
 
     /// Bytes of memory for so many points.
@@ -146,14 +164,33 @@ impl Columns {
         Ok(())
     }
 
-    /// Points for which there is room already.
-    pub(super) fn room(&self) -> usize {
-        self.coordinates.capacity() / self.dimension
+    /// Adds a field with a value for every point.
+    pub(super) fn append(&mut self, name: &str, kind: ScalarType, values: Vec<f64>) -> Result<(), ReadError> {
+        let fields = self.fields.len() + 1;
+        if fields > self.limits.fields_max {
+            return Err(ReadError::TooManyFields { fields, fields_max: self.limits.fields_max });
+        }
+        let bytes = self.len().checked_mul(8 * (self.dimension + fields));
+        self.limits.memory(bytes)?;
+        self.targets.push(Target::Field(self.fields.len()));
+        let name = unique(name, &self.fields);
+        self.fields.push(ScalarField { name, kind, values });
+        Ok(())
     }
 
     /// Points so far.
     pub(super) fn len(&self) -> usize {
         self.coordinates.len() / self.dimension
+    }
+
+    /// Settles the types of numbers that came as text. What the header calls `float` is rounded to it, as the same file in
+    /// binary has it, unless it is written with more digits than a float holds: then it is kept as double. What it calls
+    /// an integer and is none is a double too.
+    pub(super) fn settle_types(&mut self) {
+        settle(&mut self.coordinate_type, &mut self.coordinates);
+        for field in &mut self.fields {
+            settle(&mut field.kind, &mut field.values);
+        }
     }
 
     /// The finished cloud.
@@ -163,14 +200,51 @@ impl Columns {
         options: &ReadOptions,
     ) -> Result<PointCloud, ReadError> {
         let cloud = PointCloud::new(self.dimension, self.coordinates, options.policy)?;
-        let cloud = cloud.with_coordinate_type(self.coordinate_type).with_fields(self.fields)?;
+        let mut is_kept = vec![false; self.fields.len()];
+        for target in &self.targets {
+            if let Target::Field(field) = *target {
+                is_kept[field] = true;
+            }
+        }
+        let kept = self.fields.into_iter().zip(is_kept).filter_map(|(field, kept)| kept.then_some(field));
+        let cloud = cloud.with_fields(kept.collect())?;
+        let cloud = cloud.with_coordinate_type(self.coordinate_type).with_notes(self.notes);
         Ok(cloud.with_faces(faces)?)
     }
 }
 
-/// Field names are keys in answers, so a repeated one gets a number.
+fn settle(kind: &mut ScalarType, values: &mut [f64]) {
+    if *kind == ScalarType::Float32 {
+        if values.iter().any(|&x| has_more_digits(x)) {
+            *kind = ScalarType::Float64;
+        } else {
+            values.iter_mut().for_each(|x| *x = f64::from(*x as f32));
+        }
+    } else if !values.iter().all(|&x| kind.holds(x)) {
+        *kind = ScalarType::Float64;
+    }
+}
+
+/// Whether a number was written with more digits than a float holds: it is neither a float written with nine digits,
+/// which tell every float apart, nor the shortest text of one.
+fn has_more_digits(x: f64) -> bool {
+    let float = x as f32;
+    let error = (f64::from(float) - x).abs();
+    // Half a unit of the ninth digit is between these shares of a number.
+    if !x.is_finite() || error <= 5e-10 * x.abs() {
+        return false;
+    }
+    if error <= 5e-9 * x.abs() && error <= 0.501 * 10_f64.powi(x.abs().log10().floor() as i32 - 8) {
+        return false;
+    }
+    let mut buffer = [0; <f32 as lexical_core::FormattedSize>::FORMATTED_SIZE_DECIMAL];
+    let shortest: Result<f64, _> = lexical_core::parse(lexical_core::write(float, &mut buffer));
+    !shortest.is_ok_and(|shortest| shortest.to_bits() == x.to_bits())
+}
+
+/// Field names are keys in answers and stand beside the axes in files, so a repeated one gets a number.
 fn unique(name: &str, taken: &[ScalarField]) -> String {
-    let free = |name: &str| taken.iter().all(|field| field.name != name);
+    let free = |name: &str| axis(name).is_none() && taken.iter().all(|field| field.name != name);
     if free(name) {
         return name.to_owned();
     }
@@ -194,4 +268,28 @@ pub(super) fn ragged(found: usize, expected: usize, last: bool, format: Format, 
         return ReadError::Truncated { format, location, message };
     }
     ReadError::line(format, line, message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_with_more_digits_than_a_float_holds_is_told() {
+        for x in [
+            0.1,
+            0.25,
+            512_000.1,
+            f64::from(1.0_f32 / 3.0),
+            0.333_333_343,
+            16_777_217.0 - 1.0,
+            1e-42_f32.into(),
+        ] {
+            assert!(!has_more_digits(x), "{x}");
+        }
+        for x in [5_301_000.61, 512_000.123, 0.123_456_789_1, 1e39] {
+            assert!(has_more_digits(x), "{x}");
+        }
+        assert!(!has_more_digits(f64::NAN) && !has_more_digits(f64::INFINITY));
+    }
 }

@@ -1,34 +1,10 @@
 //! CSV: a point per line, columns separated by commas, semicolons, tabs, or blanks.
-//!
-//! A first line without any number is a header. Coordinates are the columns named x, y, z wherever they stand;
-//! without such names, the leading columns.
 
-use super::table::{self, Dialect};
-use super::text::Lines;
-use super::{Format, ReadError, ReadOptions};
+use super::{Format, ReadError, ReadOptions, table};
 use crate::cloud::PointCloud;
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
-    let mut lines = Lines::new(bytes);
-    let (first, dialect, before) = loop {
-        let before = lines.clone();
-        let line = lines.next().ok_or(ReadError::Empty)?;
-        let dialect = Dialect { format: Format::Csv, separator: separator(line.text) };
-        let text = dialect.content(&line);
-        if !text.is_empty() {
-            break (text, dialect, before);
-        }
-    };
-    match dialect.names(first) {
-        Some(names) => table::read(dialect, Some(&names), None, lines, options),
-        None => table::read(dialect, None, None, before, options),
-    }
-}
-
-/// A semicolon separates before a comma does: where commas are decimal marks, semicolons separate. Where nothing else
-/// does, blanks separate.
-fn separator(line: &[u8]) -> Option<u8> {
-    [b';', b'\t', b','].into_iter().find(|mark| line.contains(mark))
+    table::read(bytes, Format::Csv, options)
 }
 
 #[cfg(test)]
@@ -62,9 +38,80 @@ mod tests {
     }
 
     #[test]
-    fn a_header_without_x_names_the_columns_by_position() {
-        let cloud = csv("lon,lat,height,class\n1,2,3,4\n").unwrap();
+    fn a_header_that_names_no_coordinates_is_refused_unless_the_caller_says_where_they_are() {
+        let text = b"shot,time,value,class\n1,2,3,4\n";
+        let error = read(text, &ReadOptions::default()).unwrap_err().to_string();
+        assert!(
+            error.contains("`shot`, `time`, `value`, `class`") && error.contains("coordinates=3"),
+            "{error}"
+        );
+        let options = ReadOptions { dimension: Some(3), ..ReadOptions::default() };
+        let cloud = read(text, &options).unwrap();
         assert_eq!((cloud.dimension(), cloud.fields()[0].name.as_str()), (3, "class"));
+    }
+
+    #[test]
+    fn a_field_is_never_called_as_an_axis_is() {
+        let cloud = csv("x,y,z,x\n1,2,3,4\n").unwrap();
+        assert_eq!((cloud.coordinates(), cloud.fields()[0].name.as_str()), (&[1.0, 2.0, 3.0][..], "x_2"));
+    }
+
+    #[test]
+    fn the_separator_that_excel_is_told_counts() {
+        for text in ["sep=;\nx;y;z\n0,5;1;2,25\n", "\"sep=;\"\r\n0,5;1;2,25\r\n"] {
+            let cloud = csv(text).unwrap();
+            assert_eq!(cloud.coordinates(), [0.5, 1.0, 2.25]);
+            assert!(cloud.notes()[0].contains("decimal commas"));
+        }
+    }
+
+    #[test]
+    fn columns_of_text_are_left_out_and_told_of() {
+        let cloud = csv("name,x,y,z,class\nP1,0.25,0,1,7\n\"P, 2\",1.5,0,2,tree\n").unwrap();
+        assert_eq!(cloud.coordinates(), [0.25, 0.0, 1.0, 1.5, 0.0, 2.0]);
+        assert!(cloud.fields().is_empty());
+        assert!(
+            cloud.notes()[0].contains("`name`") && cloud.notes()[1].contains("`class`"),
+            "{:?}",
+            cloud.notes()
+        );
+        let cloud = csv("P1,1,2,3,4,tree\nP2,5,6,7,8,rock\n").unwrap();
+        assert_eq!(cloud.coordinates(), [1.0, 2.0, 3.0, 5.0, 6.0, 7.0]);
+        assert_eq!((cloud.fields().len(), cloud.notes().len()), (1, 2));
+        let error = csv("x,y,z\n1,2,3\n1,tree,3\n").unwrap_err().to_string();
+        assert!(error.contains("line 3: `tree` is not a number"), "{error}");
+    }
+
+    #[test]
+    fn empty_cells_and_words_for_them_are_missing_values() {
+        let cloud = csv("x,y,z,i,j\n1,2,3,,NA\n4,5,6,7,null\n").unwrap();
+        assert!(cloud.fields()[0].values[0].is_nan() && cloud.fields()[1].values[1].is_nan());
+        assert_eq!(cloud.fields()[0].values[1], 7.0);
+        let error = csv("x,y,z\n1,2,3\n1,,3\n").unwrap_err().to_string();
+        assert!(error.contains("point 1"), "{error}");
+    }
+
+    #[test]
+    fn a_separator_may_stand_behind_the_last_cell() {
+        for text in [
+            "x,y,z,\n1,2,3,\n4,5,6,\n",
+            "1;2;3;\n4;5;6;\n",
+            "x,y,z\n1,2,3,\n4,5,6\n",
+            "x,y,z,\n1,2,3\n4,5,6,",
+        ] {
+            let cloud = csv(text).unwrap();
+            assert_eq!(cloud.coordinates(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], "{text}");
+            assert!(cloud.fields().is_empty(), "{text}");
+        }
+        assert_eq!(csv("1,2,3,\n4,5,6,7\n").unwrap().fields()[0].values[1], 7.0);
+    }
+
+    #[test]
+    fn lines_of_prose_before_the_rows_are_passed_over_and_told_of() {
+        let cloud = csv("measured by hand\nx,y,z\n1,2,3\n").unwrap();
+        assert_eq!(cloud.coordinates(), [1.0, 2.0, 3.0]);
+        assert!(cloud.notes()[0].contains("`measured by hand`"), "{:?}", cloud.notes());
+        assert!(csv("nothing\nbut\nprose\n").unwrap_err().to_string().contains("no row of numbers"));
     }
 
     #[test]
@@ -84,21 +131,16 @@ mod tests {
         let error = csv("1.0,abc,3\n1,2,3\n").unwrap_err();
         assert_eq!(
             error.to_string(),
-            "CSV, line 1: `abc` is no number; decimal numbers such as -1.5e-3 are accepted"
+            "CSV, line 1: `abc` is not a number; decimal numbers such as -1.5e-3 are accepted"
         );
     }
 
     #[test]
-    fn decimal_commas_are_explained() {
-        assert!(csv("0,5;0,25;1\n").unwrap_err().to_string().contains("has a decimal comma; write 0.5"));
-    }
-
-    #[test]
-    fn an_empty_cell_is_refused_with_its_column() {
-        assert_eq!(
-            csv("1,2,3,\n").unwrap_err().to_string(),
-            "CSV, line 1: column 4 is empty; write nan for a missing value"
-        );
+    fn decimal_commas_are_read_where_commas_do_not_separate() {
+        for text in ["0,5;0,25;1\n", "x\ty\tz\n0,5\t0,25\t1\n", "0,5 0,25 1\n"] {
+            assert_eq!(csv(text).unwrap().coordinates(), [0.5, 0.25, 1.0], "{text}");
+        }
+        assert!(csv("1.000,5;2;3\n").unwrap_err().to_string().contains("`1.000,5` is not a number"));
     }
 
     #[test]

@@ -32,6 +32,32 @@ pub enum ReadError {
         "the file is empty; send a point cloud as PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57"
     )]
     Empty,
+    /// Something else than a point cloud.
+    #[error("this is {what}, not a point cloud; {advice}")]
+    Foreign {
+        /// What it is.
+        what: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// A table without rows.
+    #[error("{format}: the file has no row of numbers; write a point per line, such as `0.1 0.2 0.3`")]
+    NoRows {
+        /// Format it was read as.
+        format: Format,
+    },
+    /// A header that names no coordinates.
+    #[error(
+        "{format}: no column is named x, y or z, nor as coordinates are otherwise named (easting, northing, height; \
+         POINT_X; Points:0); the header names {names}; rename the columns, or say coordinates=3 when the first three are \
+         the coordinates"
+    )]
+    NoAxes {
+        /// Format it was read as.
+        format: Format,
+        /// The names that were found.
+        names: String,
+    },
     /// The file ends before it should.
     #[error("{format}, {location}: the file ends too early: {message}")]
     Truncated {

@@ -33,6 +33,10 @@ pub enum Format {
 
 /// How far [`Format::sniff`] looks for text.
 const SNIFFED_BYTES: usize = 4096;
+/// How far a packed file is unpacked to look at it: binary STL is told by its length.
+const SNIFFED_PACKED: usize = 64 << 20;
+/// Lines of prose that may stand before what tells.
+const SNIFFED_LINES: usize = 20;
 
 impl Format {
     /// All formats.
@@ -90,6 +94,12 @@ impl Format {
         }
     }
 
+    /// Whether files of this format may be text.
+    #[must_use]
+    pub(super) const fn is_text(self) -> bool {
+        matches!(self, Self::Ply | Self::Obj | Self::Off | Self::Stl | Self::Xyz | Self::Csv | Self::Pcd)
+    }
+
     /// The format with this [`Self::name`], in any case.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
@@ -100,7 +110,8 @@ impl Format {
     #[must_use]
     pub fn from_extension(extension: &str) -> Option<Self> {
         match extension.to_ascii_lowercase().as_str() {
-            "txt" | "pts" | "asc" => Some(Self::Xyz),
+            "txt" | "pts" | "asc" | "ptx" | "pwn" => Some(Self::Xyz),
+            "npz" => Some(Self::Npy),
             "coff" | "noff" => Some(Self::Off),
             "tsv" => Some(Self::Csv),
             name => Self::from_name(name),
@@ -125,11 +136,34 @@ impl Format {
         }
     }
 
+    /// The format of a file by its name, of which endings such as `.gz` and `.zip` are passed over; else by its bytes,
+    /// within gzip and zip too.
+    #[must_use]
+    pub fn of_file(name: Option<&str>, bytes: &[u8]) -> Option<Self> {
+        let by_name = |name: &str| {
+            let mut endings = name.rsplit('.');
+            let last = endings.next()?;
+            let is_packed = ["gz", "gzip", "zip", "z"].iter().any(|ending| last.eq_ignore_ascii_case(ending));
+            Self::from_extension(if is_packed { endings.next()? } else { last })
+        };
+        // A name without a dot has no ending.
+        let named = name.filter(|name| name.contains('.')).and_then(by_name);
+        named.or_else(|| Self::sniff(bytes)).or_else(|| {
+            let (head, name) = super::container::head(bytes, SNIFFED_PACKED)?;
+            name.as_deref().and_then(by_name).or_else(|| Self::sniff(&head))
+        })
+    }
+
     /// The format that the first bytes look like.
     #[must_use]
     pub fn sniff(bytes: &[u8]) -> Option<Self> {
+        if super::foreign::told(bytes).is_some() {
+            return None;
+        }
         let head = &bytes[..bytes.len().min(SNIFFED_BYTES)];
         let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head);
+        let decoded = super::text::from_utf16(head);
+        let head = decoded.as_deref().unwrap_or(head);
         if head.starts_with(b"\x93NUMPY") {
             return Some(Self::Npy);
         }
@@ -149,13 +183,17 @@ impl Format {
             return Some(Self::Pcd);
         }
         if head.contains(&0) {
-            return None;
+            let first = head.split(|&byte| byte == b'\n').next().unwrap_or_default().trim_ascii();
+            return (is_off(first) && first.to_ascii_uppercase().ends_with(b"BINARY")).then_some(Self::Off);
         }
-        let lines = head.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
-        lines.filter(|line| !line.is_empty() && !is_comment(line)).find_map(Self::from_line)
+        let lines = super::text::Lines::new(head).map(|line| line.text);
+        lines
+            .filter(|line| !line.is_empty() && !is_comment(line))
+            .take(SNIFFED_LINES)
+            .find_map(Self::from_line)
     }
 
-    /// What the first line says that is no comment.
+    /// What a line says that is no comment.
     fn from_line(line: &[u8]) -> Option<Self> {
         let word = line.split(u8::is_ascii_whitespace).next()?;
         let is_obj =
@@ -163,17 +201,29 @@ impl Format {
         if is_obj && word.len() < line.len() {
             return Some(Self::Obj);
         }
-        let letters = word.iter().take_while(|b| b.is_ascii_alphabetic()).count();
-        if matches!(&word[..letters], b"OFF" | b"COFF" | b"NOFF" | b"CNOFF") {
+        if is_off(word) {
             return Some(Self::Off);
         }
         if line.iter().any(|b| matches!(b, b',' | b';')) {
             return Some(Self::Csv);
         }
         let is_number = super::text::number(word).is_some();
-        let names_axes = word.eq_ignore_ascii_case(b"x");
-        (is_number || names_axes).then_some(Self::Xyz)
+        let names: Vec<String> = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|word| !word.is_empty())
+            .map(|word| String::from_utf8_lossy(word).into_owned())
+            .collect();
+        (is_number || super::names::axes(&names).is_some()).then_some(Self::Xyz)
     }
+}
+
+/// Whether a line begins as OFF does, with the letters of its variants before.
+fn is_off(line: &[u8]) -> bool {
+    let letters = line.iter().take_while(|b| b.is_ascii_alphabetic()).count();
+    matches!(
+        line[..letters].to_ascii_uppercase().as_slice(),
+        b"OFF" | b"COFF" | b"NOFF" | b"CNOFF" | b"STOFF" | b"STCOFF" | b"STNOFF" | b"STCNOFF"
+    )
 }
 
 fn is_comment(line: &[u8]) -> bool {

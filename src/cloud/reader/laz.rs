@@ -6,22 +6,31 @@ use laz::{LasZipDecompressor, LazItemType, LazVlr};
 
 use super::las::File;
 use super::{Format, ReadError, check_unpacked};
+use crate::cloud::las::Record;
 
 /// Points unpacked together: memory grows with what has been unpacked.
 const BATCH: usize = 50_000;
 
 /// The points of a file as records of `file.record` bytes.
-pub(super) fn unpack(bytes: &[u8], file: &File) -> Result<Vec<u8>, ReadError> {
+pub(super) fn unpack(bytes: &[u8], file: &File<'_>) -> Result<Vec<u8>, ReadError> {
     let length = file.points.saturating_mul(file.record);
     check_unpacked(Format::Laz, bytes.len(), length)?;
-    let is_ours = |record: &&las::raw::Vlr| {
-        record.user_id.starts_with(LazVlr::USER_ID.as_bytes()) && record.record_id == LazVlr::RECORD_ID
+    let is_ours = |record: &&Record<'_>| {
+        record.user() == LazVlr::USER_ID.as_bytes() && record.number() == LazVlr::RECORD_ID
     };
     let record = file.records.iter().find(is_ours);
     let record = record
         .ok_or_else(|| file.refuse(file.body, "the record that describes the compression is missing"))?;
+    // Compressor 1 has no chunks, and is what LASzip wrote before 2011.
+    if let Some(compressor @ (0 | 1)) = record.data.first_chunk().map(|bytes| u16::from_le_bytes(*bytes)) {
+        let message = format!(
+            "the points are packed by compressor {compressor} of LASzip, which is not supported; compressors 2 and 3 are: \
+             write the file again with a LASzip of 2.0 or later"
+        );
+        return Err(file.refuse(file.body, message));
+    }
     let described =
-        LazVlr::from_buffer(&record.data).map_err(|error| file.refuse(file.body, error.to_string()))?;
+        LazVlr::from_buffer(record.data).map_err(|error| file.refuse(file.body, error.to_string()))?;
     if described.items_size() != file.record as u64 {
         let message =
             format!("compressed points have {} bytes, {} are announced", described.items_size(), file.record);
@@ -51,7 +60,7 @@ pub(super) fn unpack(bytes: &[u8], file: &File) -> Result<Vec<u8>, ReadError> {
 }
 
 /// The table of chunks has an entry per chunk, and a chunk a point at least.
-fn check_chunk_table(bytes: &[u8], file: &File) -> Result<(), ReadError> {
+fn check_chunk_table(bytes: &[u8], file: &File<'_>) -> Result<(), ReadError> {
     let number =
         |at: usize| bytes.get(at..).and_then(|rest| rest.first_chunk()).map(|b| i64::from_le_bytes(*b));
     let behind_body = |at: &i64| usize::try_from(*at).is_ok_and(|at| at > file.body);
@@ -69,7 +78,7 @@ fn check_chunk_table(bytes: &[u8], file: &File) -> Result<(), ReadError> {
 }
 
 /// Chunks of layers (point formats 6 to 10) announce the length of every layer: walks along all of them.
-fn check_layers(bytes: &[u8], file: &File, described: &LazVlr) -> Result<(), ReadError> {
+fn check_layers(bytes: &[u8], file: &File<'_>, described: &LazVlr) -> Result<(), ReadError> {
     let layers: usize = described
         .items()
         .iter()

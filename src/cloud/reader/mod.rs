@@ -2,14 +2,20 @@
 //!
 //! No reader allocates on a header's word: announced counts are held against the bytes that are there.
 
+mod colmap;
 mod columns;
+mod container;
 mod csv;
 mod e57;
 mod error;
+mod foreign;
 mod format;
+mod guard;
+mod heading;
 mod las;
 mod laz;
 mod lzf;
+mod names;
 mod npy;
 mod number;
 mod obj;
@@ -17,6 +23,7 @@ mod off;
 mod pcd;
 mod ply;
 mod polygons;
+mod ptx;
 mod stl;
 mod table;
 mod text;
@@ -26,6 +33,7 @@ pub use error::{Location, ReadError};
 pub use format::Format;
 pub use npy::read_columns;
 
+use self::guard::guarded;
 use super::{NonFinite, PointCloud};
 
 /// How much of everything is accepted.
@@ -80,7 +88,7 @@ pub struct ReadOptions {
     pub policy: NonFinite,
     /// For tables (XYZ, CSV, NPY): the first so many columns are the coordinates, the others fields.
     pub dimension: Option<usize>,
-    /// For files of several scans (E57): which one, counting from 0; the first when nothing is said.
+    /// For files of several scans (E57, PTX): which one, counting from 0; all of them when nothing is said.
     pub scan: Option<usize>,
     /// Limits.
     pub limits: Limits,
@@ -113,9 +121,13 @@ fn unpacked_max(packed: usize) -> usize {
 /// takes four times as many. Of files that are not packed it is their length.
 #[must_use]
 pub fn unpacked_bytes(bytes: &[u8]) -> usize {
+    if let Some(length) = container::unpacked_len(bytes) {
+        return length.max(bytes.len());
+    }
     let unpacked = match Format::sniff(bytes) {
         Some(Format::Laz) => las::unpacked_bytes(bytes),
         Some(Format::Pcd) => pcd::unpacked_bytes(bytes),
+        Some(Format::E57) => e57::unpacked_bytes(bytes),
         _ => None,
     };
     unpacked.unwrap_or(0).min(unpacked_max(bytes.len())).max(bytes.len())
@@ -129,13 +141,13 @@ fn check_unpacked(format: Format, packed: usize, unpacked: usize) -> Result<(), 
     Ok(())
 }
 
-/// Runs a reader of a crate that may panic on broken files: what it stumbles over is the file's fault.
-fn guarded<T>(format: Format, read: impl FnOnce() -> Result<T, ReadError>) -> Result<T, ReadError> {
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(read))
-        .unwrap_or_else(|_| Err(ReadError::byte(format, 0, "the file contradicts itself and cannot be read")))
+/// What a file is called that is no cloud: an HTML page, a picture.
+#[must_use]
+pub fn foreign(bytes: &[u8]) -> Option<ReadError> {
+    foreign::told(bytes).map(|foreign::Foreign { what, advice }| ReadError::Foreign { what, advice })
 }
 
-/// Reads a whole file.
+/// Reads a whole file; one in gzip, or alone in a zip archive, is unpacked first.
 ///
 /// # Errors
 /// [`ReadError`], which names the line or byte at fault and what would be accepted.
@@ -143,10 +155,21 @@ pub fn read(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Point
     if bytes.trim_ascii().is_empty() {
         return Err(ReadError::Empty);
     }
+    let inner = container::unpacked(bytes, format)?;
+    let (packed, bytes) = (bytes, inner.as_ref());
+    if bytes.trim_ascii().is_empty() {
+        return Err(ReadError::Empty);
+    }
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    if let Some(error) = foreign(bytes) {
+        return Err(error);
+    }
+    let decoded = if format.is_text() { text::from_utf16(bytes) } else { None };
+    let bytes = decoded.as_deref().unwrap_or(bytes);
     // Of those that are packed, the size is known once their headers are read.
-    let is_packed = matches!(format, Format::Las | Format::Laz | Format::Pcd);
-    let options = if is_packed { options } else { &options.for_bytes(bytes.len()) };
+    let is_packed = matches!(format, Format::Las | Format::Laz | Format::Pcd | Format::E57);
+    let size = bytes.len().max(packed.len());
+    let options = if is_packed { options } else { &options.for_bytes(size) };
     match format {
         Format::Ply => ply::read(bytes, options),
         Format::Obj => obj::read(bytes, options),
@@ -163,3 +186,5 @@ pub fn read(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Point
 
 #[cfg(test)]
 mod fuzz;
+#[cfg(test)]
+mod programs;

@@ -1,34 +1,32 @@
-//! NumPy arrays: n×d, or n numbers.
+//! NumPy arrays: n×d, n numbers, h×w×c, n records with names, and archives of arrays.
 //!
-//! npyz parses the type; the header's three entries are picked out here, because npyz 0.9.1 multiplies the shape
+//! npyz parses the types; the header's three entries are picked out here, because npyz 0.9.1 multiplies the shape
 //! without a check (a panic in builds that check arithmetic), allocates what the header's length field says,
 //! and its grammar recurses once per bracket. The tests hold both readers against each other.
 
-use npyz::{Endianness, TypeChar, TypeStr};
+mod archive;
+mod header;
 
-use super::columns::{Column, Columns};
-use super::number::{self, Number, Source};
-use super::ply::{ByteOrder, Place};
-use super::text::shown;
-use super::{Format, Location, ReadError, ReadOptions};
+use self::header::Header;
+use super::columns::{Column, Columns, leading_dimension};
+use super::container::Container;
+use super::number::{self, Source};
+use super::ply::Place;
+use super::{Format, ReadError, ReadOptions, names};
 use crate::cloud::PointCloud;
 
 const FORMAT: Format = Format::Npy;
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
-    let header = Header::parse(bytes)?;
-    let (rows, width) = (header.rows, header.width);
-    options.limits.points(rows)?;
-    let block = header.block(bytes)?;
-    let dimension = options.dimension.unwrap_or(width);
-    if dimension > options.limits.dimension_max {
-        return Err(ReadError::Dimension { dimension, dimension_max: options.limits.dimension_max });
+    if Container::of(bytes) == Some(Container::Zip) {
+        return archive::read(bytes, options);
     }
-    let kind = header.number.scalar_type();
-    let names: Vec<Column> = (0..width).map(|i| Column { kind, ..Column::unnamed(i) }).collect();
-    let mut columns = Columns::leading(&names, dimension, &options.limits)?;
-    columns.zeroed(rows)?;
-    let sources: Vec<Source> = (0..width).map(|index| header.source(block, index)).collect();
+    let header = Header::parse(bytes)?;
+    options.limits.points(header.rows)?;
+    let block = header.block(bytes)?;
+    let mut columns = header.columns(options)?;
+    columns.zeroed(header.rows)?;
+    let sources: Vec<Source> = (0..header.columns.len()).map(|index| header.source(block, index)).collect();
     number::fill(&mut columns, &sources);
     columns.into_cloud(Vec::new(), options)
 }
@@ -45,138 +43,46 @@ pub fn read_columns(bytes: &[u8]) -> Result<Vec<Vec<f64>>, ReadError> {
         header.source(block, index).decode(Place::packed(&mut values));
         values
     };
-    Ok((0..header.width).map(column).collect())
-}
-
-/// The number type that a `descr` names.
-fn number(descr: &str) -> Option<Number> {
-    let kind: TypeStr = descr.parse().ok()?;
-    let order = if kind.endianness() == Endianness::Big { ByteOrder::Big } else { ByteOrder::Little };
-    let letter = match kind.type_char() {
-        TypeChar::Float => 'F',
-        TypeChar::Int => 'I',
-        TypeChar::Uint => 'U',
-        _ => return None,
-    };
-    Number::of(letter, usize::try_from(kind.size_field()).ok()?, order)
-}
-
-#[derive(Debug, Clone, PartialEq)]
-struct Header {
-    number: Number,
-    is_fortran: bool,
-    rows: usize,
-    width: usize,
-    /// Offset of the first byte behind the header.
-    body: usize,
+    Ok((0..header.columns.len()).map(column).collect())
 }
 
 impl Header {
-    fn parse(bytes: &[u8]) -> Result<Self, ReadError> {
-        let (text, body) = text(bytes)?;
-        let refuse = |message: String| ReadError::byte(FORMAT, 0, format!("the header {message}"));
-        let entry = |key: &str| value(text, key).ok_or_else(|| refuse(format!("has no entry '{key}'")));
-        let descr = entry("descr")?;
-        let number = quoted(descr).and_then(number).ok_or_else(|| {
-            let shown = shown(descr.split([',', '}']).next().unwrap_or_default().as_bytes());
-            refuse(format!(
-                "gives the type {shown}; real numbers <f4 <f8 and integers of 1 to 8 bytes are accepted"
-            ))
-        })?;
-        let order = entry("fortran_order")?;
-        let is_fortran = order.starts_with("True");
-        if !is_fortran && !order.starts_with("False") {
-            return Err(refuse("gives a fortran_order that is neither True nor False".to_owned()));
-        }
-        let shape = shape(entry("shape")?)
-            .ok_or_else(|| refuse("gives a shape that is no tuple of whole numbers".to_owned()))?;
-        let (rows, width) = match shape[..] {
-            [rows] => (rows, 1),
-            [rows, width] => (rows, width),
-            _ => {
-                let axes = shape.len();
-                return Err(refuse(format!("gives an array of {axes} axes; (n, d) and (n,) are accepted")));
+    /// Coordinates by their names, where there are any; else the leading columns, as of tables in text: what stands behind
+    /// x, y and z is more likely a color or a normal than a fourth dimension.
+    fn columns(&self, options: &ReadOptions) -> Result<Columns, ReadError> {
+        let width = self.columns.len();
+        let kind = |index: usize| self.columns[index].number.scalar_type();
+        let named: Vec<Column> = (0..width)
+            .map(|index| match &self.columns[index].name {
+                Some(name) => Column { name: name.clone(), kind: kind(index) },
+                None => Column { kind: kind(index), ..Column::unnamed(index) },
+            })
+            .collect();
+        if self.has_names && options.dimension.is_none() {
+            let all: Vec<String> = named.iter().map(|column| column.name.clone()).collect();
+            if let Some(axes) = names::axes(&all) {
+                let mut columns = Columns::new(&named, &axes.of_column, &options.limits)?;
+                columns.notes.extend(axes.note);
+                return Ok(columns);
             }
-        };
-        if rows == 0 || width == 0 {
-            return Err(crate::cloud::CloudError::Empty.into());
+            if !self.begins_with_triple {
+                return Err(ReadError::NoAxes { format: FORMAT, names: all.join(", ") });
+            }
         }
-        Ok(Self { number, is_fortran, rows, width, body })
+        let dimension = leading_dimension(width, options);
+        if dimension > options.limits.dimension_max {
+            return Err(ReadError::Dimension { dimension, dimension_max: options.limits.dimension_max });
+        }
+        let mut columns = Columns::leading(&named, dimension, &options.limits)?;
+        let is_ambiguous = options.dimension.is_none() && !self.has_names && width > dimension;
+        if is_ambiguous && width <= crate::cloud::DIMENSION_MAX {
+            columns.notes.push(format!(
+                "the array has {width} columns: the first {dimension} are coordinates, the others fields; \
+                 coordinates={width} takes them all as coordinates"
+            ));
+        }
+        Ok(columns)
     }
-
-    /// The bytes of the numbers, as many as are announced.
-    fn block<'a>(&self, bytes: &'a [u8]) -> Result<&'a [u8], ReadError> {
-        let (rows, width) = (self.rows, self.width);
-        let cells = rows.checked_mul(width).and_then(|cells| cells.checked_mul(self.number.size()));
-        let body = &bytes[self.body..];
-        cells.and_then(|cells| body.get(..cells)).ok_or_else(|| {
-            let message = format!("an array of {rows}×{width} is announced, {} bytes follow", body.len());
-            ReadError::Truncated { format: FORMAT, location: Location::Byte(bytes.len()), message }
-        })
-    }
-
-    /// Where one column of the block stands.
-    fn source<'a>(&self, block: &'a [u8], index: usize) -> Source<'a> {
-        let size = self.number.size();
-        let (rows, stride, offset) = if self.is_fortran {
-            (&block[index * self.rows * size..][..self.rows * size], size, 0)
-        } else {
-            (block, self.width * size, index * size)
-        };
-        Source { rows, stride, offset, number: self.number }
-    }
-}
-
-/// The header's text and the offset behind it.
-fn text(bytes: &[u8]) -> Result<(&str, usize), ReadError> {
-    let truncated = |message: &str| ReadError::Truncated {
-        format: FORMAT,
-        location: Location::Byte(bytes.len()),
-        message: message.to_owned(),
-    };
-    let Some(after) = bytes.strip_prefix(b"\x93NUMPY") else {
-        return Err(ReadError::byte(FORMAT, 0, "the file does not begin with \\x93NUMPY"));
-    };
-    let [version @ 1..=3, 0, ..] = *after else {
-        let message = "versions 1.0, 2.0 and 3.0 are accepted";
-        return Err(ReadError::byte(FORMAT, 6, message));
-    };
-    let (length, start) = match (version, &after[2..]) {
-        (1, [a, b, ..]) => (usize::from(u16::from_le_bytes([*a, *b])), 10),
-        (2 | 3, [a, b, c, d, ..]) => (u32::from_le_bytes([*a, *b, *c, *d]) as usize, 12),
-        _ => return Err(truncated("the length of the header is missing")),
-    };
-    let Some(text) = bytes[start..].get(..length) else {
-        return Err(truncated("the header is incomplete"));
-    };
-    let text = std::str::from_utf8(text).map_err(|error| {
-        ReadError::byte(FORMAT, start + error.valid_up_to(), "the header is not UTF-8 text")
-    })?;
-    Ok((text, start + length))
-}
-
-/// What follows `'key':`.
-fn value<'a>(text: &'a str, key: &str) -> Option<&'a str> {
-    let quoted = [format!("'{key}'"), format!("\"{key}\"")];
-    let after = quoted.iter().find_map(|key| text.split_once(key.as_str()))?.1;
-    Some(after.trim_start().strip_prefix(':')?.trim_start())
-}
-
-/// The content of a string literal at the beginning.
-fn quoted(text: &str) -> Option<&str> {
-    let quote = text.chars().next().filter(|c| matches!(c, '\'' | '"'))?;
-    Some(text[1..].split_once(quote)?.0)
-}
-
-fn shape(text: &str) -> Option<Vec<usize>> {
-    let inside = text.strip_prefix('(')?.split_once(')')?.0;
-    let numbers: Vec<&str> = inside.split(',').map(str::trim).collect();
-    let numbers = match numbers.split_last()? {
-        (&"", rest) => rest,
-        _ => &numbers,
-    };
-    // NumPy for Python 2 wrote long integers as `3L`.
-    numbers.iter().map(|number| number.trim_end_matches('L').parse().ok()).collect()
 }
 
 #[cfg(test)]
@@ -242,12 +148,14 @@ mod tests {
 
     #[test]
     fn the_caller_chooses_the_dimension_and_keeps_the_other_columns() {
-        let bytes = npy(&[1.0; 18], &[2, 9], npyz::Order::C);
-        assert!(message(&bytes).contains("dimension=3"), "{}", message(&bytes));
-        let options = ReadOptions { dimension: Some(3), ..ReadOptions::default() };
-        let cloud = read(&bytes, &options).unwrap();
-        assert_eq!((cloud.dimension(), cloud.fields().len()), (3, 6));
+        let bytes = npy(&[1.0; 12], &[2, 6], npyz::Order::C);
+        let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+        assert_eq!((cloud.dimension(), cloud.fields().len()), (3, 3), "as a table in text");
         assert_eq!(cloud.fields()[0].name, "column4");
+        assert!(cloud.notes()[0].contains("coordinates=6"), "{:?}", cloud.notes());
+        let options = ReadOptions { dimension: Some(6), ..ReadOptions::default() };
+        let cloud = read(&bytes, &options).unwrap();
+        assert_eq!((cloud.dimension(), cloud.fields().len(), cloud.notes().len()), (6, 0, 0));
     }
 
     #[test]
@@ -258,7 +166,7 @@ mod tests {
             assert!(message.contains("is announced, 24 bytes follow"), "{message}");
         }
         let header = "{'descr': '<f8', 'fortran_order': False, 'shape': (99999999999999999999999, 3)}";
-        assert!(message(&with_header(header, &[])).contains("no tuple of whole numbers"));
+        assert!(message(&with_header(header, &[])).contains("not a tuple of whole numbers"));
     }
 
     #[test]
@@ -268,8 +176,8 @@ mod tests {
             message(&with_header(&header, &[0; 64]))
         };
         assert!(refusal("'<c16'", "(2, 2)").contains("gives the type `'<c16'`"));
-        assert!(refusal("[('x', '<f8')]", "(2,)").contains("gives the type"));
-        assert!(refusal("'<f8'", "(2, 2, 2)").contains("an array of 3 axes; (n, d) and (n,) are accepted"));
+        assert!(refusal("[('x', '|O')]", "(2,)").contains("gives the type"));
+        assert!(refusal("'<f8'", "(2, 2, 2, 2)").contains("an array of 4 axes"));
         assert!(refusal("'<f8'", "()").contains("0 axes"));
         assert!(refusal("'<f8'", "(0, 3)").contains("no points"));
         assert!(message(b"\x93NUMPX").contains("does not begin"));
@@ -277,5 +185,37 @@ mod tests {
         assert!(message(b"\x93NUMPY\x01\x00\xff").contains("length of the header"));
         assert!(message(b"\x93NUMPY\x02\x00\xff\xff\xff\xff{}").contains("header is incomplete"));
         assert!(message(&with_header("{'descr': '<f8'}", &[])).contains("no entry 'fortran_order'"));
+    }
+
+    #[test]
+    fn records_have_their_coordinates_by_name() {
+        let header = "{'descr': [('id', '<u2'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('rgb', '|u1', (3,)), \
+                      ('', '|V1')], 'fortran_order': False, 'shape': (2,), }";
+        let record = |id: u16, x: f32| {
+            let mut bytes = id.to_le_bytes().to_vec();
+            bytes.extend([x, 2.0, 3.0].iter().flat_map(|x| x.to_le_bytes()));
+            bytes.extend([7, 8, 9, 0]);
+            bytes
+        };
+        let bytes = with_header(header, &[record(5, 1.0), record(6, 4.0)].concat());
+        let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+        assert_eq!(cloud.coordinates(), [1.0, 2.0, 3.0, 4.0, 2.0, 3.0]);
+        let found: Vec<_> = cloud.fields().iter().map(|f| (f.name.as_str(), f.values[1])).collect();
+        assert_eq!(found, [("id", 6.0), ("rgb_0", 7.0), ("rgb_1", 8.0), ("rgb_2", 9.0)]);
+        let header =
+            "{'descr': [('position', '<f8', (3,)), ('i', '<f8')], 'fortran_order': False, 'shape': (1,)}";
+        let body: Vec<u8> = [1.0_f64, 2.0, 3.0, 4.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let cloud = read(&with_header(header, &body), &ReadOptions::default()).unwrap();
+        assert_eq!((cloud.dimension(), cloud.fields()[0].values[0]), (3, 4.0));
+        let header = "{'descr': [('a', '<f8'), ('b', '<f8')], 'fortran_order': False, 'shape': (2,)}";
+        assert!(message(&with_header(header, &body)).contains("the header names a, b"));
+    }
+
+    #[test]
+    fn a_picture_of_points_is_read_row_by_row() {
+        let bytes =
+            npy(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0], &[2, 2, 3], npyz::Order::C);
+        let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+        assert_eq!((cloud.len(), cloud.point(3)), (4, &[10.0, 11.0, 12.0][..]));
     }
 }

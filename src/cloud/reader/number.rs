@@ -3,6 +3,7 @@
 use super::columns::{Columns, Target};
 use super::ply::{ByteOrder, Place, decode, decode_integers};
 use crate::cloud::ScalarType;
+use crate::cloud::scalar::Stored;
 
 /// A number type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +32,14 @@ impl Number {
             _ => return None,
         };
         Some(Self::Scalar(scalar, order))
+    }
+
+    /// A number as it is stored, in a byte order.
+    pub(super) const fn stored(stored: Stored, order: ByteOrder) -> Self {
+        match stored {
+            Stored::Scalar(kind) => Self::Scalar(kind, order),
+            Stored::Integer { is_signed } => Self::Integer { is_signed, order },
+        }
     }
 
     /// A little-endian scalar.

@@ -1,44 +1,80 @@
-//! Wavefront OBJ: `v` and `f` lines; everything else is passed over.
+//! Wavefront OBJ: `v` and `f` lines; what else there is is passed over and told of.
 //!
 //! Written here and not taken from a crate: the OBJ crates at hand renumber vertices (they merge, split per
 //! texture coordinate, or drop those without a face), and row i of the cloud must be vertex i of the file.
 
+use std::borrow::Cow;
+
 use super::columns::{Column, Columns};
-use super::polygons::{Triangles, enough_corners};
-use super::text::{Line, Lines, number_at, shown};
+use super::polygons::Triangles;
+use super::text::{Line, Lines, before_comment, number_at, shown};
 use super::{Format, ReadError, ReadOptions};
-use crate::cloud::{CloudError, PointCloud, ScalarField, ScalarType};
+use crate::cloud::{CloudError, PointCloud, ScalarType};
 
 const FORMAT: Format = Format::Obj;
+/// Bytes of a line with all its continuations.
+const CONTINUED_MAX: usize = 1 << 20;
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
     let axes = ["x", "y", "z"].map(Column::text);
-    let vertices = Lines::new(bytes).filter(|line| line.text.starts_with(b"v ")).count();
+    let vertices = Lines::new(bytes).filter(|line| is_vertex(line.text)).count();
     let mut columns = Columns::leading(&axes, 3, &options.limits)?;
     columns.reserve(vertices)?;
-    // With colours it is twice as much.
+    // With colors it is twice as much.
     let points_bytes = columns.bytes_of(vertices).and_then(|bytes| bytes.checked_mul(2));
     let mut mesh = Mesh {
         columns,
-        colors: [const { Vec::new() }; 3],
+        vertices,
+        colors: [const { Vec::new() }; 4],
         triangles: Triangles::new(&options.limits, points_bytes),
         corners: Vec::new(),
         faces: 0,
         farthest: None,
+        passed_over: PassedOver::default(),
     };
-    for line in Lines::new(bytes) {
+    let mut lines = Lines::new(bytes);
+    while let Some(line) = lines.next() {
+        let joined = continued(line, &mut lines)?;
+        let line = Line { text: before_comment(&joined, b'#'), ..line };
         let mut words = line.words();
         match words.next() {
             Some(b"v") => mesh.vertex(&line)?,
-            Some(b"f") => mesh.face(&line)?,
+            Some(b"f" | b"fo") => mesh.face(&line)?,
             Some([first, ..]) if first.is_ascii_digit() || matches!(first, b'-' | b'+' | b'.') => {
                 let message = "the line begins with a number; OBJ lines begin with a keyword such as v or f";
                 return Err(ReadError::line(FORMAT, line.number, message));
             }
-            _ => {}
+            Some(word) => mesh.passed_over.count(word, words.next()),
+            None => {}
         }
     }
     mesh.into_cloud(options)
+}
+
+fn is_vertex(text: &[u8]) -> bool {
+    matches!(text, [b'v', b' ' | b'\t', ..])
+}
+
+/// A line with those that it goes on in: a backslash at its end joins the next one to it.
+fn continued<'a>(line: Line<'a>, lines: &mut Lines<'a>) -> Result<Cow<'a, [u8]>, ReadError> {
+    let Some(start) = line.text.strip_suffix(b"\\") else { return Ok(Cow::Borrowed(line.text)) };
+    let mut joined = start.to_vec();
+    for next in lines.by_ref() {
+        joined.push(b' ');
+        let (text, goes_on) = match next.text.strip_suffix(b"\\") {
+            Some(text) => (text, true),
+            None => (next.text, false),
+        };
+        joined.extend_from_slice(text);
+        if joined.len() > CONTINUED_MAX {
+            let message = format!("a line and its continuations have more than {CONTINUED_MAX} bytes");
+            return Err(ReadError::line(FORMAT, line.number, message));
+        }
+        if !goes_on {
+            break;
+        }
+    }
+    Ok(Cow::Owned(joined))
 }
 
 /// A face whose corner may lie beyond the last vertex: vertices may follow their faces.
@@ -48,20 +84,63 @@ struct Farthest {
     line: usize,
 }
 
+/// Lines that are not read, by kind.
+#[derive(Debug, Default)]
+struct PassedOver {
+    textures: usize,
+    normals: usize,
+    lines: usize,
+    curves: usize,
+    materials: Vec<String>,
+}
+
+impl PassedOver {
+    fn count(&mut self, keyword: &[u8], name: Option<&[u8]>) {
+        match keyword {
+            b"vt" => self.textures += 1,
+            b"vn" => self.normals += 1,
+            b"l" | b"p" => self.lines += 1,
+            b"curv" | b"curv2" | b"surf" | b"vp" => self.curves += 1,
+            b"mtllib" if self.materials.len() < 3 => {
+                self.materials.push(shown(name.unwrap_or_default()));
+            }
+            _ => {}
+        }
+    }
+
+    fn notes(self) -> impl Iterator<Item = String> {
+        let counted = [
+            (self.textures, "texture coordinates"),
+            (self.normals, "vertex normals"),
+            (self.lines, "lines and single points"),
+            (self.curves, "curves and surfaces"),
+        ];
+        let counted = counted.into_iter().filter(|(count, _)| *count > 0);
+        let counted = counted.map(|(count, what)| format!("{count} {what} were left out"));
+        let materials = self.materials.into_iter();
+        counted
+            .chain(materials.map(|name| format!("the materials of {name} and their textures were left out")))
+    }
+}
+
 struct Mesh {
     columns: Columns,
-    /// Red, green, blue of every vertex so far that has them.
-    colors: [Vec<f64>; 3],
+    /// Vertices that the file has.
+    vertices: usize,
+    /// Red, green, blue and alpha of every vertex so far that has them.
+    colors: [Vec<f64>; 4],
     triangles: Triangles,
     corners: Vec<u32>,
     faces: usize,
     farthest: Option<Farthest>,
+    passed_over: PassedOver,
 }
 
 impl Mesh {
-    /// `v x y z`, `v x y z w` or `v x y z r g b`. The weight w of rational curves is passed over.
+    /// `v x y`, `v x y z`, `v x y z w`, `v x y z r g b` or `v x y z r g b a`. The weight w of rational curves is passed
+    /// over; vertices of the plane have z = 0.
     fn vertex(&mut self, line: &Line<'_>) -> Result<(), ReadError> {
-        let mut values = [0.0; 6];
+        let mut values = [0.0; 7];
         let mut count = 0;
         for word in line.words().skip(1) {
             let value = number_at(word, FORMAT, line.number)?;
@@ -71,16 +150,17 @@ impl Mesh {
             count += 1;
         }
         match count {
-            3 | 4 => {}
-            6 => {
-                for (channel, &value) in self.colors.iter_mut().zip(&values[3..]) {
-                    channel.reserve_exact(self.columns.room().saturating_sub(channel.len()));
+            2..=4 => {}
+            6 | 7 => {
+                for (channel, &value) in self.colors.iter_mut().zip(&values[3..count]) {
+                    channel.reserve_exact(self.vertices.saturating_sub(channel.len()));
                     channel.push(value);
                 }
             }
             _ => {
-                let message =
-                    format!("a vertex with {count} numbers; x y z, x y z w and x y z r g b are accepted");
+                let message = format!(
+                    "a vertex with {count} numbers; x y, x y z, x y z w, x y z r g b and x y z r g b a are accepted"
+                );
                 return Err(ReadError::line(FORMAT, line.number, message));
             }
         }
@@ -91,12 +171,10 @@ impl Mesh {
     fn face(&mut self, line: &Line<'_>) -> Result<(), ReadError> {
         self.triangles.room_for(line.text.len() / 2)?;
         self.corners.clear();
-        for word in line.words().skip(1).take_while(|word| !word.starts_with(b"#")) {
+        for word in line.words().skip(1) {
             let index = self.corner(word, line)?;
             self.corners.push(index);
         }
-        enough_corners(self.corners.len(), self.faces + 1)
-            .map_err(|message| ReadError::line(FORMAT, line.number, message))?;
         self.triangles.push_fan(&self.corners)?;
         self.faces += 1;
         Ok(())
@@ -144,17 +222,20 @@ impl Mesh {
             return Err(ReadError::line(FORMAT, line, message));
         }
         let mut columns = self.columns;
-        if self.colors[0].len() == points && options.limits.fields_max >= 3 {
-            let named = ["red", "green", "blue"].into_iter().zip(self.colors);
-            let field = |(name, values): (&str, _)| ScalarField {
-                name: name.to_owned(),
-                kind: ScalarType::Float64,
-                values,
-            };
-            columns.fields = named.map(field).collect();
+        let is_colored = self.colors[0].len() == points;
+        if !is_colored && !self.colors[0].is_empty() {
+            let count = self.colors[0].len();
+            columns
+                .notes
+                .push(format!("only {count} of {points} vertices have a color: colors were left out"));
         }
-        let (triangles, continued) = self.triangles.into_parts();
-        Ok(columns.into_cloud(triangles, options)?.with_polygons(continued)?)
+        for (name, values) in ["red", "green", "blue", "alpha"].into_iter().zip(self.colors) {
+            if is_colored && values.len() == points && options.limits.fields_max > columns.fields.len() {
+                columns.append(name, ScalarType::Float64, values)?;
+            }
+        }
+        columns.notes.extend(self.passed_over.notes());
+        self.triangles.finish(columns, options)
     }
 }
 
@@ -213,14 +294,52 @@ mod tests {
             "OBJ, line 4: `0` in face 1 is index 0; OBJ counts from 1, or backwards from -1"
         );
         assert_eq!(message("f 1 2 -4"), "OBJ, line 4: `-4` in face 1 names no vertex; 3 precede it");
-        assert_eq!(message("f 1 2"), "OBJ, line 4: face 1 has 2 corners; 3 or more are accepted");
         assert!(message("f 1 2 x").contains("is no corner"));
-        assert!(message("f 1 2 3 \\").contains("is no corner"));
         assert!(message("f 1 2 99999999999999999999").contains("is no corner"));
         assert!(message("f 1 2 -9223372036854775808").contains("names no vertex"));
-        assert!(message("v 1 2").contains("a vertex with 2 numbers"));
-        assert!(message("v 1 2 3 4 5 6 7").contains("a vertex with 7 numbers"));
+        assert!(message("v 1").contains("a vertex with 1 numbers"));
+        assert!(message("v 1 2 3 4 5").contains("a vertex with 5 numbers"));
         assert!(message("1 2 3").contains("begins with a number"));
+    }
+
+    #[test]
+    fn lines_go_on_behind_a_backslash() {
+        let cloud = obj("v 0 0 \\\n 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\n3 \\\n4\n").unwrap();
+        assert_eq!(cloud.faces(), [[0, 1, 2], [0, 2, 3]]);
+        assert!(obj("v 0 0 0\nf 1 1 1 \\").is_ok());
+    }
+
+    #[test]
+    fn comments_stand_behind_anything() {
+        let cloud = obj("v 0 0 0 # 1\nv 2 0 0\t# 2\nv 2 1 0\nf 1 2 3 # the face\n").unwrap();
+        assert_eq!((cloud.len(), cloud.faces()), (3, &[[0, 1, 2]][..]));
+    }
+
+    #[test]
+    fn vertices_of_the_plane_lie_in_space_and_colors_may_have_alpha() {
+        assert_eq!(obj("v 0 0\nv 2 0\nv 2 1\nf 1 2 3\n").unwrap().point(2), [2.0, 1.0, 0.0]);
+        let cloud = obj("v 0 0 0 0.1 0.2 0.3 0.5\nv 1 0 0 0.4 0.5 0.6 1\n").unwrap();
+        assert_eq!((cloud.fields().len(), &cloud.fields()[3].values[..]), (4, &[0.5, 1.0][..]));
+    }
+
+    #[test]
+    fn faces_of_fewer_than_three_corners_are_left_out_and_counted() {
+        let cloud = obj("v 0 0 0\nv 2 0 0\nv 2 1 0\nf 1 2 3\nf 1 2\nf\n").unwrap();
+        assert_eq!(cloud.faces(), [[0, 1, 2]]);
+        assert_eq!(cloud.notes(), ["2 faces of fewer than three corners were left out"]);
+    }
+
+    #[test]
+    fn what_is_passed_over_is_told() {
+        let text =
+            "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\nf 1/1/1 2/2/1 3/1/1\nl 1 2\n";
+        let expected = [
+            "2 texture coordinates were left out",
+            "1 vertex normals were left out",
+            "1 lines and single points were left out",
+            "the materials of `a.mtl` and their textures were left out",
+        ];
+        assert_eq!(obj(text).unwrap().notes(), expected);
     }
 
     #[test]

@@ -1,10 +1,13 @@
 //! OFF of Geomview: `OFF`, the counts of vertices, faces and edges, the vertices, the faces.
 //!
-//! Beside `OFF`, the variants with colours (`COFF`) and normals (`NOFF`, `CNOFF`) are read; colours behind the
-//! coordinates are taken in plain `OFF` too, since many programs write them so.
+//! Numbers are read one after another, however they are broken into lines. Beside `OFF`, the variants with texture
+//! coordinates (`STOFF`), colors (`COFF`) and normals (`NOFF`) are read; colors behind the coordinates are taken in plain
+//! `OFF` too, since many programs write them so. No crate reads binary OFF, or OFF with a limit on what it allocates.
 
-use super::columns::{Column, Columns, ragged};
-use super::polygons::{Triangles, corner, enough_corners};
+mod binary;
+
+use super::columns::{Column, Columns};
+use super::polygons::{Triangles, corner};
 use super::text::{Line, Lines, count_at, number_at, shown};
 use super::{Format, Location, ReadError, ReadOptions};
 use crate::cloud::PointCloud;
@@ -12,131 +15,234 @@ use crate::cloud::PointCloud;
 const FORMAT: Format = Format::Off;
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
-    let mut lines = Lines::new(bytes);
-    let header = Header::read(&mut lines)?;
-    options.limits.points(header.points)?;
-    let columns = read_points(&header, &mut lines, options)?;
-    let faces = read_faces(&header, &mut lines, columns.bytes_of(header.points), options)?;
-    let (triangles, continued) = faces.into_parts();
-    Ok(columns.into_cloud(triangles, options)?.with_polygons(continued)?)
+    let mut tokens = Tokens { lines: Lines::new(bytes), line: None, rest: &[] };
+    let variant = Variant::read(&mut tokens)?;
+    if variant.is_binary {
+        return binary::read(bytes, binary::body(bytes), &variant, options);
+    }
+    let mut count = |what: &str| {
+        let word = tokens.next(|| format!("the {what}"))?;
+        count_at(word, what, FORMAT, tokens.number())
+    };
+    let (points, faces) = (count("number of vertices")?, count("number of faces")?);
+    // The number of edges may be missing; nothing needs it.
+    tokens.end_line();
+    options.limits.points(points)?;
+    // A vertex needs five bytes, three digits and two blanks, and the end of its line.
+    let possible = tokens.bytes_left().div_ceil(6);
+    if points > possible {
+        let message = format!("{points} vertices are announced, {possible} at most can follow");
+        return Err(tokens.truncated(message));
+    }
+    let columns = read_points(points, &variant, &mut tokens, options)?;
+    let triangles = read_faces(faces, &mut tokens, &columns, options)?;
+    triangles.finish(columns, options)
 }
 
-struct Header {
-    points: usize,
-    faces: usize,
+/// What the first word says of the vertices.
+#[derive(Debug, Clone, Copy, Default)]
+struct Variant {
+    has_textures: bool,
+    has_colors: bool,
     has_normals: bool,
+    is_binary: bool,
 }
 
-impl Header {
-    fn read(lines: &mut Lines<'_>) -> Result<Self, ReadError> {
-        let first = next(lines, "the line `OFF`")?;
-        let letters = first.text.iter().take_while(|b| b.is_ascii_alphabetic()).count();
-        let (magic, counts) = first.text.split_at(letters);
-        if !matches!(magic, b"OFF" | b"COFF" | b"NOFF" | b"CNOFF") {
-            let message = format!("{} is not supported; OFF, COFF, NOFF and CNOFF are", shown(first.text));
-            return Err(ReadError::line(FORMAT, first.number, message));
+impl Variant {
+    fn read(tokens: &mut Tokens<'_>) -> Result<Self, ReadError> {
+        let before = tokens.clone();
+        let word = tokens.next(|| "the line `OFF`".to_owned())?;
+        let letters = word.iter().take_while(|byte| byte.is_ascii_alphabetic()).count();
+        let magic = word[..letters].to_ascii_uppercase();
+        if magic.is_empty() && lexical_core::parse::<usize>(word).is_ok() {
+            // Some programs leave the word out.
+            *tokens = before;
+            return Ok(Self::default());
         }
-        if counts.trim_ascii().eq_ignore_ascii_case(b"BINARY") {
-            return Err(ReadError::line(FORMAT, first.number, "binary OFF is not supported; ASCII OFF is"));
+        let mut variant = Self::default();
+        let mut rest = magic.as_slice();
+        for (letters, has) in [
+            (&b"ST"[..], &mut variant.has_textures),
+            (b"C", &mut variant.has_colors),
+            (b"N", &mut variant.has_normals),
+        ] {
+            if let Some(behind) = rest.strip_prefix(letters) {
+                (rest, *has) = (behind, true);
+            }
         }
-        let has_normals = magic.contains(&b'N');
+        // `nOFF` has points of n coordinates, `NOFF` normals.
+        if rest != b"OFF" || word.windows(4).any(|letters| letters == b"nOFF") {
+            let message = format!("{} is not supported; OFF with ST, C and N before it is", shown(word));
+            return Err(ReadError::line(FORMAT, tokens.number(), message));
+        }
         // ModelNet has files that begin with `OFF490 518 0`.
-        let counts = Line { text: counts.trim_ascii(), ..first };
-        let counts =
-            if counts.text.is_empty() { next(lines, "the counts of vertices and faces")? } else { counts };
-        let mut words = counts.words();
-        let mut count = |what| count_at(words.next().unwrap_or_default(), what, FORMAT, counts.number);
-        let header =
-            Self { points: count("number of vertices")?, faces: count("number of faces")?, has_normals };
-        // A vertex needs five bytes, three digits and two blanks, and the end of its line.
-        let possible = lines.rest().len().div_ceil(6);
-        if header.points > possible {
-            let message = format!("{} vertices are announced, {possible} at most can follow", header.points);
-            return Err(truncated(lines, message));
+        tokens.put_back(&word[letters..]);
+        if tokens.rest.trim_ascii().eq_ignore_ascii_case(b"BINARY") {
+            variant.is_binary = true;
         }
-        Ok(header)
+        Ok(variant)
+    }
+
+    /// Numbers of a vertex, by the book: colors have four.
+    fn width(self) -> usize {
+        3 + if self.has_normals { 3 } else { 0 }
+            + if self.has_colors { 4 } else { 0 }
+            + if self.has_textures { 2 } else { 0 }
     }
 }
 
-fn read_points(header: &Header, lines: &mut Lines<'_>, options: &ReadOptions) -> Result<Columns, ReadError> {
+/// The words of a file, one after another, without comments.
+#[derive(Debug, Clone)]
+struct Tokens<'a> {
+    lines: Lines<'a>,
+    line: Option<Line<'a>>,
+    /// Of the line, what is not handed out yet.
+    rest: &'a [u8],
+}
+
+impl<'a> Tokens<'a> {
+    fn next(&mut self, missing: impl Fn() -> String) -> Result<&'a [u8], ReadError> {
+        while self.rest.is_empty() {
+            let Some(line) = self.lines.next_without_comment(b'#') else {
+                return Err(self.truncated(format!("{} is missing", missing())));
+            };
+            (self.line, self.rest) = (Some(line), line.text);
+        }
+        let end = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
+        let (word, rest) = self.rest.split_at(end);
+        self.rest = rest.trim_ascii_start();
+        Ok(word)
+    }
+
+    /// Hands a part of the last word out again.
+    fn put_back(&mut self, part: &'a [u8]) {
+        if let (false, Some(line)) = (part.is_empty(), self.line) {
+            let start = line.text.len() - self.rest.len();
+            let word_end = line.text[..start].trim_ascii_end().len();
+            self.rest = &line.text[word_end - part.len()..];
+        }
+    }
+
+    fn end_line(&mut self) {
+        // Numbers of vertices may follow in the same line, behind the number of edges.
+        let words = self.rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
+        if words <= 1 {
+            self.rest = &[];
+        } else {
+            let end = self.rest.iter().position(u8::is_ascii_whitespace).unwrap_or(self.rest.len());
+            self.rest = self.rest[end..].trim_ascii_start();
+        }
+    }
+
+    fn number(&self) -> usize {
+        self.line.map_or(self.lines.number(), |line| line.number)
+    }
+
+    fn bytes_left(&self) -> usize {
+        self.rest.len() + self.lines.rest().len()
+    }
+
+    fn truncated(&self, message: String) -> ReadError {
+        ReadError::Truncated { format: FORMAT, location: Location::Line(self.lines.number()), message }
+    }
+}
+
+fn read_points(
+    points: usize,
+    variant: &Variant,
+    tokens: &mut Tokens<'_>,
+    options: &ReadOptions,
+) -> Result<Columns, ReadError> {
     let mut row = Vec::new();
     let mut columns: Option<Columns> = None;
-    for point in 0..header.points {
-        let line = next(lines, &format!("vertex {point} of {}", header.points))?;
+    for point in 0..points {
         row.clear();
-        for word in line.words() {
-            row.push(number_at(word, FORMAT, line.number)?);
-        }
-        if row.len() < 3 {
-            let message = format!("vertex {point} has {} numbers; 3 or more are accepted", row.len());
-            return Err(ReadError::line(FORMAT, line.number, message));
+        let width = columns.as_ref().map(|columns| columns.targets.len());
+        let fields_max = options.limits.fields_max;
+        loop {
+            let word = tokens.next(|| format!("vertex {point} of {points}"))?;
+            row.push(number_at(word, FORMAT, tokens.number())?);
+            let is_line_end = tokens.rest.is_empty();
+            if row.len() > fields_max.saturating_add(3) {
+                return Err(ReadError::TooManyFields { fields: row.len() - 3, fields_max });
+            }
+            let is_whole = match width {
+                Some(width) => row.len() >= width,
+                // The first vertex tells by its line, unless that is too short.
+                None => (is_line_end && row.len() >= 3) || (points == 1 && row.len() >= variant.width()),
+            };
+            if is_whole && (is_line_end || width.is_none()) {
+                break;
+            }
+            if is_whole {
+                let more = tokens.rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
+                let message = format!(
+                    "vertex {point} has {} numbers, those before it have {}",
+                    row.len() + more,
+                    row.len()
+                );
+                return Err(ReadError::line(FORMAT, tokens.number(), message));
+            }
         }
         if columns.is_none() {
-            let mut new = Columns::leading(&named(row.len(), header.has_normals), 3, &options.limits)?;
-            new.reserve(header.points)?;
+            let mut new = Columns::leading(&named(row.len(), variant), 3, &options.limits)?;
+            new.reserve(points)?;
             columns = Some(new);
         }
         if let Some(columns) = &mut columns {
-            let expected = columns.targets.len();
-            if row.len() != expected {
-                return Err(ragged(row.len(), expected, lines.rest().is_empty(), FORMAT, line.number));
-            }
             columns.push(&row)?;
         }
     }
     columns.ok_or(ReadError::Cloud(crate::cloud::CloudError::Empty))
 }
 
-/// Coordinates, then normals if the first line says so, then colours.
-fn named(width: usize, has_normals: bool) -> Vec<Column> {
+/// Coordinates, then normals if the first word says so, then colors, then texture coordinates.
+fn named(width: usize, variant: &Variant) -> Vec<Column> {
     let mut names = vec!["x", "y", "z"];
-    if has_normals && width >= 6 {
+    if variant.has_normals && width >= 6 {
         names.extend(["nx", "ny", "nz"]);
     }
-    match width - names.len() {
+    let textures = if variant.has_textures && width >= names.len() + 2 { 2 } else { 0 };
+    match width - names.len() - textures {
         3 => names.extend(["red", "green", "blue"]),
         4 => names.extend(["red", "green", "blue", "alpha"]),
         _ => {}
+    }
+    if textures > 0 && names.len() + 2 == width {
+        names.extend(["s", "t"]);
     }
     let named = names.iter().map(|&name| Column::text(name));
     named.chain((names.len()..width).map(Column::unnamed)).collect()
 }
 
 fn read_faces(
-    header: &Header,
-    lines: &mut Lines<'_>,
-    points_bytes: Option<usize>,
+    faces: usize,
+    tokens: &mut Tokens<'_>,
+    columns: &Columns,
     options: &ReadOptions,
 ) -> Result<Triangles, ReadError> {
-    let mut triangles = Triangles::new(&options.limits, points_bytes);
+    let points = columns.len();
+    let mut triangles = Triangles::new(&options.limits, columns.bytes_of(points));
     let mut corners = Vec::new();
-    for face in 0..header.faces {
-        let line = next(lines, &format!("face {face} of {}", header.faces))?;
-        let at_line = |message| ReadError::line(FORMAT, line.number, message);
-        let mut words = line.words();
-        let count = count_at(words.next().unwrap_or_default(), "number of corners", FORMAT, line.number)?;
-        enough_corners(count, face).map_err(at_line)?;
-        triangles.room_for(count.min(line.text.len()))?;
+    for face in 0..faces {
+        let word = tokens.next(|| format!("face {face} of {faces}"))?;
+        let count = count_at(word, "number of corners", FORMAT, tokens.number())?;
+        triangles.room_for(count.min(tokens.bytes_left()))?;
         corners.clear();
-        for word in words.take(count) {
+        for index in 0..count {
+            let word = tokens
+                .next(|| format!("face {face} of {faces} has {index} of its {count} corners: the next"))?;
+            let line = tokens.number();
+            let at_line = |message| ReadError::line(FORMAT, line, message);
             let index = lexical_core::parse(word)
-                .map_err(|_| at_line(format!("{} in face {face} is no index", shown(word))))?;
-            corners.push(corner(index, header.points, face).map_err(at_line)?);
+                .map_err(|_| at_line(format!("{} in face {face} is not an index", shown(word))))?;
+            corners.push(corner(index, points, face).map_err(at_line)?);
         }
-        if corners.len() < count {
-            return Err(at_line(format!("face {face} announces {count} corners and has {}", corners.len())));
-        }
+        // A color may stand behind the corners.
+        tokens.rest = &[];
         triangles.push_fan(&corners)?;
     }
     Ok(triangles)
-}
-
-fn next<'a>(lines: &mut Lines<'a>, missing: &str) -> Result<Line<'a>, ReadError> {
-    lines.next_without_comment(b'#').ok_or_else(|| truncated(lines, format!("{missing} is missing")))
-}
-
-fn truncated(lines: &Lines<'_>, message: String) -> ReadError {
-    ReadError::Truncated { format: FORMAT, location: Location::Line(lines.number()), message }
 }
 
 #[cfg(test)]
@@ -178,7 +284,7 @@ mod tests {
             "OFF, line 2: the file ends too early: 4000000 vertices are announced, 1 at most can follow"
         );
         let error = off("OFF\n99999999999999999999999 0 0\n").unwrap_err();
-        assert!(error.to_string().contains("is no number of vertices"), "{error}");
+        assert!(error.to_string().contains("is not a number of vertices"), "{error}");
     }
 
     #[test]
@@ -186,8 +292,8 @@ mod tests {
         let message = |face: &str| off(&SQUARE.replace("4 0 1 2 3 255 0 0", face)).unwrap_err().to_string();
         assert_eq!(message("3 0 1 9"), "OFF, line 8: face 0 names point 9; the file has points 0 to 3");
         assert_eq!(message("3 0 1 -1"), "OFF, line 8: face 0 names point -1; the file has points 0 to 3");
-        assert_eq!(message("2 0 1"), "OFF, line 8: face 0 has 2 corners; 3 or more are accepted");
-        assert_eq!(message("5 0 1 2"), "OFF, line 8: face 0 announces 5 corners and has 3");
+        assert!(message("5 0 1 2").contains("face 0 of 1 has 3 of its 5 corners"), "{}", message("5 0 1 2"));
+        assert!(message("3 0 1 x").contains("`x` in face 0 is not an index"));
     }
 
     #[test]
@@ -200,7 +306,30 @@ mod tests {
 
     #[test]
     fn variants_that_are_not_supported_are_named() {
-        assert!(off("4OFF\n1 0 0\n").unwrap_err().to_string().contains("OFF, COFF, NOFF and CNOFF are"));
-        assert!(off("OFF BINARY\n").unwrap_err().to_string().contains("ASCII OFF is"));
+        assert!(off("4OFF\n1 0 0\n").unwrap_err().to_string().contains("OFF with ST, C and N before it is"));
+    }
+
+    #[test]
+    fn faces_and_vertices_may_go_on_in_further_lines() {
+        let cloud = off("OFF\n4 1 0\n0 0\n0\n2 0 0\n2 1 0\n0 1 .5\n4 0\n1\n2\n3\n").unwrap();
+        assert_eq!((cloud.len(), cloud.faces()), (4, &[[0, 1, 2], [0, 2, 3]][..]));
+        let error = off("OFF\n2 0 0\n0 0 0\n1 1 1 9 9 9\n").unwrap_err().to_string();
+        assert!(error.contains("vertex 1 has 6 numbers, those before it have 3"), "{error}");
+    }
+
+    #[test]
+    fn the_first_word_may_be_in_small_letters_or_missing() {
+        for text in
+            ["off\n1 0 0\n1 2 3\n", "1 0 0\n1 2 3\n", "OFF 1 0 0 1 2 3\n", "STOFF\n1 0 0\n1 2 3 0.5 0.25\n"]
+        {
+            assert_eq!(off(text).unwrap().coordinates(), [1.0, 2.0, 3.0], "{text}");
+        }
+    }
+
+    #[test]
+    fn faces_of_fewer_than_three_corners_are_left_out_and_counted() {
+        let cloud =
+            off(&SQUARE.replace("4 1 0", "4 2 0").replace("4 0 1 2 3 255 0 0", "2 0 1\n3 0 1 2")).unwrap();
+        assert_eq!((cloud.faces(), cloud.notes().len()), (&[[0, 1, 2]][..], 1));
     }
 }

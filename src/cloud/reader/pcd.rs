@@ -3,7 +3,7 @@
 //! Written here and not taken from `pcd-rs`, which allocates what a header says. A packed `rgb` becomes the fields
 //! red, green and blue, `normal_x` becomes nx as in PLY; columns called `_` are padding.
 
-use super::columns::{Column, Columns, Target, ragged};
+use super::columns::{Column, Columns, ragged};
 use super::number::{self, Number, Source};
 use super::ply::ByteOrder;
 use super::text::{Line, Lines, count_at, number_at, shown};
@@ -115,7 +115,7 @@ struct Header {
 
 impl Header {
     fn parse(bytes: &[u8]) -> Result<Self, ReadError> {
-        let mut lines = Lines::new(bytes);
+        let mut lines = Lines::of_header(bytes);
         let (mut names, mut sizes, mut types, mut counts) = (None, None, None, None);
         let (mut width, mut height, mut points) = (None, None, None);
         while let Some(line) = lines.next_without_comment(b'#') {
@@ -179,9 +179,9 @@ impl Header {
                 "field {shown} has type {letter} of {size} bytes; F 4, 8 and I, U 1, 2, 4, 8 are accepted"
             ))
         })?;
-        if !(1..=COUNT_MAX).contains(&count) {
+        if count > COUNT_MAX {
             return Err(refuse(format!(
-                "field {shown} has {count} values per point; 1 to {COUNT_MAX} are accepted"
+                "field {shown} has {count} values per point; up to {COUNT_MAX} are accepted"
             )));
         }
         let is_packed_color = matches!(name, b"rgb" | b"rgba") && (size, count) == (4, 1);
@@ -275,7 +275,7 @@ impl Header {
             }
             columns.push(&row)?;
         }
-        debug_assert!(columns.targets.iter().all(|target| *target != Target::Skipped));
+        columns.settle_types();
         Ok(())
     }
 }

@@ -1,6 +1,8 @@
 //! Faces of files become triangles.
 
-use super::{Limits, ReadError};
+use super::columns::Columns;
+use super::{Limits, ReadError, ReadOptions};
+use crate::cloud::PointCloud;
 
 /// Bytes that a triangle, or a corner of a polygon while that is read, takes at most: a triangle itself is twelve and its
 /// place in a polygon four, and the lists of them are copied into ones of twice the size when they grow.
@@ -12,6 +14,8 @@ pub(super) struct Triangles {
     list: Vec<[u32; 3]>,
     /// Those that continue the polygon of the one before.
     continued: Vec<u32>,
+    /// Faces of fewer than three corners.
+    left_out: usize,
     limits: Limits,
     points_bytes: usize,
 }
@@ -20,7 +24,7 @@ impl Triangles {
     /// None yet, beside points that take so many bytes of memory.
     pub(super) fn new(limits: &Limits, points_bytes: Option<usize>) -> Self {
         let points_bytes = points_bytes.unwrap_or(usize::MAX);
-        Self { list: Vec::new(), continued: Vec::new(), limits: *limits, points_bytes }
+        Self { list: Vec::new(), continued: Vec::new(), left_out: 0, limits: *limits, points_bytes }
     }
 
     /// Refuses a list of so many corners before it is read: as indices, and as the triangles that it becomes.
@@ -30,8 +34,13 @@ impl Triangles {
         self.limits.memory(bytes)
     }
 
-    /// Adds a polygon as a fan around its first corner: `(0, 1, 2), (0, 2, 3), …`, in the polygon's orientation.
+    /// Adds a polygon as a fan around its first corner: `(0, 1, 2), (0, 2, 3), …`, in the polygon's orientation. One of
+    /// fewer than three corners has no area: it is left out and counted.
     pub(super) fn push_fan(&mut self, corners: &[u32]) -> Result<(), ReadError> {
+        if corners.len() < 3 {
+            self.left_out += 1;
+            return Ok(());
+        }
         let triangles = corners.len().saturating_sub(2);
         self.room_for(triangles)?;
         if self.list.len() + triangles > self.limits.faces_max {
@@ -55,9 +64,18 @@ impl Triangles {
         Ok(())
     }
 
-    /// All triangles, and which of them continue the polygon of the one before.
-    pub(super) fn into_parts(self) -> (Vec<[u32; 3]>, Vec<u32>) {
-        (self.list, self.continued)
+    /// The cloud of these points and triangles.
+    pub(super) fn finish(self, mut points: Columns, options: &ReadOptions) -> Result<PointCloud, ReadError> {
+        if self.left_out > 0 {
+            let count = self.left_out;
+            points.notes.push(format!("{count} faces of fewer than three corners were left out"));
+        }
+        Ok(points.into_cloud(self.list, options)?.with_polygons(self.continued)?)
+    }
+
+    /// The triangles alone.
+    pub(super) fn into_list(self) -> Vec<[u32; 3]> {
+        self.list
     }
 }
 
@@ -68,12 +86,4 @@ pub(super) fn corner(index: i64, points: usize, face: usize) -> Result<u32, Stri
         0 => format!("face {face} names point {index}, but the file has no points"),
         _ => format!("face {face} names point {index}; the file has points 0 to {}", points - 1),
     })
-}
-
-/// Refuses a face with fewer than three corners.
-pub(super) fn enough_corners(corners: usize, face: usize) -> Result<(), String> {
-    if corners < 3 {
-        return Err(format!("face {face} has {corners} corners; 3 or more are accepted"));
-    }
-    Ok(())
 }

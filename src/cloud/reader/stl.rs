@@ -18,18 +18,16 @@ const FORMAT: Format = Format::Stl;
 const HEADER: usize = 84;
 /// Bytes of a triangle: normal and corners as twelve floats, and two bytes of attributes.
 const TRIANGLE: usize = 50;
+/// Bytes of a text in which its first facet is looked for.
+const TEXT_HEAD: usize = 64 << 10;
 
 /// Whether a file is binary STL by its length, or begins as ASCII STL does.
 pub(super) fn is_stl(bytes: &[u8]) -> bool {
-    is_binary(bytes) || (bytes.starts_with(b"solid") && facet_follows(bytes))
+    is_binary(bytes) || is_text(bytes)
 }
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
-    if !is_binary(bytes) && bytes.trim_ascii_start().starts_with(b"solid") && facet_follows(bytes) {
-        read_text(bytes, options)
-    } else {
-        read_binary(bytes, options)
-    }
+    if !is_binary(bytes) && is_text(bytes) { read_text(bytes, options) } else { read_binary(bytes, options) }
 }
 
 /// The number of triangles that a binary file announces.
@@ -45,11 +43,17 @@ fn is_binary(bytes: &[u8]) -> bool {
     })
 }
 
-/// Whether a line of the first few begins with `facet` or ends the solid.
-fn facet_follows(bytes: &[u8]) -> bool {
-    Lines::new(&bytes[..bytes.len().min(4096)])
-        .skip(1)
-        .any(|line| line.text.starts_with(b"facet") || line.text.starts_with(b"endsolid"))
+/// Whether a file begins as text does: with `solid`, in any case, behind which a line of the first few begins a facet or
+/// ends the solid. Binary files may begin with `solid`, too.
+fn is_text(bytes: &[u8]) -> bool {
+    let begins =
+        |text: &[u8], word: &[u8]| text.get(..word.len()).is_some_and(|b| b.eq_ignore_ascii_case(word));
+    let text = bytes.trim_ascii_start();
+    // A name may be long, and so may be comments before the first facet.
+    begins(text, b"solid")
+        && Lines::new(&text[..text.len().min(TEXT_HEAD)])
+            .skip(1)
+            .any(|line| begins(line.text, b"facet") || begins(line.text, b"endsolid"))
 }
 
 fn read_binary(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
@@ -162,7 +166,7 @@ impl<K: Hash + Eq> Mesh<K> {
 
     fn into_cloud(self, kind: ScalarType, options: &ReadOptions) -> Result<PointCloud, ReadError> {
         let cloud = PointCloud::new(3, self.coordinates, options.policy)?;
-        Ok(cloud.with_coordinate_type(kind).with_faces(self.triangles.into_parts().0)?)
+        Ok(cloud.with_coordinate_type(kind).with_faces(self.triangles.into_list())?)
     }
 }
 
@@ -221,6 +225,15 @@ mod tests {
             assert_eq!(cloud.coordinates(), points);
             assert_eq!(cloud.faces(), [[0, 1, 2], [1, 3, 2]]);
             assert_eq!(cloud.coordinate_type(), kind);
+        }
+    }
+
+    #[test]
+    fn text_may_be_in_capitals_in_cr_and_have_a_long_name() {
+        let long = text().replace("two triangles", &"name ".repeat(2000));
+        for text in [text().to_uppercase(), text().replace('\n', "\r"), long] {
+            assert!(is_stl(text.as_bytes()));
+            assert_eq!(read(text.as_bytes(), &ReadOptions::default()).unwrap().faces().len(), 2);
         }
     }
 

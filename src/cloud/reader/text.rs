@@ -1,5 +1,7 @@
 //! Lines and numbers of the text formats.
 
+use memchr::memchr2;
+
 use super::{Format, ReadError};
 
 /// A line without its end.
@@ -18,11 +20,23 @@ impl<'a> Line<'a> {
     }
 }
 
-/// Iterates over lines that end in LF or CRLF.
+/// What ends a line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LineEnd {
+    /// LF, CRLF or CR, as they come.
+    Any,
+    /// LF, or CRLF.
+    Feed,
+    /// CR alone, as old Macintosh programs and Rhinoceros write.
+    Return,
+}
+
+/// Iterates over the lines of a text.
 #[derive(Debug, Clone)]
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
     number: usize,
+    end: LineEnd,
 }
 
 impl<'a> Lines<'a> {
@@ -32,7 +46,17 @@ impl<'a> Lines<'a> {
 
     /// Lines of a part of a file whose first line has this number.
     pub(super) fn starting_at(bytes: &'a [u8], number: usize) -> Self {
-        Self { rest: bytes, number: number - 1 }
+        Self { rest: bytes, number: number - 1, end: LineEnd::Any }
+    }
+
+    /// Lines of a header that binary data may follow: all end as the first does, so that no byte behind the last end
+    /// is taken for a part of it.
+    pub(super) fn of_header(bytes: &'a [u8]) -> Self {
+        let end = match memchr2(b'\n', b'\r', bytes) {
+            Some(at) if bytes[at] == b'\r' && bytes.get(at + 1) != Some(&b'\n') => LineEnd::Return,
+            _ => LineEnd::Feed,
+        };
+        Self { rest: bytes, number: 0, end }
     }
 
     /// Number of the last line handed out.
@@ -48,8 +72,7 @@ impl<'a> Lines<'a> {
     /// The next line that has text before the `mark` of a comment, cut there.
     pub(super) fn next_without_comment(&mut self, mark: u8) -> Option<Line<'a>> {
         self.find_map(|line| {
-            let end = line.text.iter().position(|&b| b == mark).unwrap_or(line.text.len());
-            let text = line.text[..end].trim_ascii_end();
+            let text = before_comment(line.text, mark);
             (!text.is_empty()).then_some(Line { text, ..line })
         })
     }
@@ -62,17 +85,32 @@ impl<'a> Iterator for Lines<'a> {
         if self.rest.is_empty() {
             return None;
         }
-        let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
+        let end = match self.end {
+            LineEnd::Any => memchr2(b'\n', b'\r', self.rest),
+            LineEnd::Feed => memchr::memchr(b'\n', self.rest),
+            LineEnd::Return => memchr::memchr(b'\r', self.rest),
+        };
+        let end = end.unwrap_or(self.rest.len());
         let text = self.rest[..end].trim_ascii();
-        self.rest = self.rest.get(end + 1..).unwrap_or_default();
+        let is_pair = self.end == LineEnd::Any && self.rest[end..].starts_with(b"\r\n");
+        self.rest = self.rest.get(end + 1 + usize::from(is_pair)..).unwrap_or_default();
         self.number += 1;
         Some(Line { number: self.number, text })
     }
 }
 
+/// The text before a comment. Its mark begins a word: `1.#QNAN` is a number.
+pub(super) fn before_comment(text: &[u8], mark: u8) -> &[u8] {
+    let begins = |&at: &usize| at == 0 || text[at - 1].is_ascii_whitespace();
+    let end = memchr::memchr_iter(mark, text).find(begins).unwrap_or(text.len());
+    text[..end].trim_ascii_end()
+}
+
 /// Upper bound of the rows of a table, to allocate once and no more than the bytes warrant.
 pub(super) fn rows_at_most(bytes: &[u8]) -> usize {
-    bytes.iter().map(|&b| usize::from(b == b'\n')).sum::<usize>() + 1
+    let feeds = memchr::memchr_iter(b'\n', bytes).count();
+    let lone = memchr::memchr_iter(b'\r', bytes).filter(|&at| bytes.get(at + 1) != Some(&b'\n')).count();
+    feeds + lone + 1
 }
 
 /// Parses a number, including the spellings of NaN and infinity that C, Python and Windows print: the caller's
@@ -85,11 +123,29 @@ fn spelled(word: &[u8]) -> Option<f64> {
     let unsigned = word.strip_prefix(b"-").or_else(|| word.strip_prefix(b"+")).unwrap_or(word);
     let lowercase = unsigned.to_ascii_lowercase();
     let magnitude = match lowercase.as_slice() {
-        b"nan" | b"nan(ind)" | b"nan(snan)" | b"1.#qnan" | b"1.#ind" => f64::NAN,
-        b"inf" | b"infinity" | b"1.#inf" => f64::INFINITY,
-        _ => return None,
+        b"nan" | b"nan(ind)" | b"nan(snan)" => f64::NAN,
+        b"inf" | b"infinity" => f64::INFINITY,
+        word => microsoft(word)?,
     };
     Some(if word.starts_with(b"-") { -magnitude } else { magnitude })
+}
+
+/// What the C runtime of Windows printed before 2015: `1.#QNAN`, `1.#IND`, `1.#INF`, padded with zeros to the precision
+/// or rounded to it as if the letters were digits (`1.#R`, `1.#J`, `1.#QO`, `1.#IO`). Rounded, infinity may look like
+/// the indefinite NaN: both are taken for NaN.
+fn microsoft(word: &[u8]) -> Option<f64> {
+    let letters = word.strip_prefix(b"1.#")?;
+    let letters = &letters[..letters.iter().take_while(|byte| byte.is_ascii_alphabetic()).count()];
+    let padding = &word[3 + letters.len()..];
+    if letters.is_empty() || padding.iter().any(|&byte| byte != b'0') {
+        return None;
+    }
+    match letters {
+        b"inf" => Some(f64::INFINITY),
+        b"qnan" | b"snan" | b"ind" | b"qna" | b"qnb" | b"sna" | b"snb" | b"in" | b"io" | b"qn" | b"qo"
+        | b"sn" | b"so" | b"r" | b"j" | b"t" | b"q" | b"s" | b"i" => Some(f64::NAN),
+        _ => None,
+    }
 }
 
 /// [`number`], or an error that shows the word.
@@ -100,11 +156,12 @@ pub(super) fn number_at(word: &[u8], format: Format, line: usize) -> Result<f64,
 /// Parses a non-negative count, or an error that shows the word and says what it counts.
 pub(super) fn count_at(word: &[u8], what: &str, format: Format, line: usize) -> Result<usize, ReadError> {
     lexical_core::parse(word).map_err(|_| {
-        ReadError::line(format, line, format!("{} is no {what}: write a whole number from 0", shown(word)))
+        ReadError::line(format, line, format!("{} is not a {what}; write a whole number from 0", shown(word)))
     })
 }
 
-fn not_a_number(word: &[u8]) -> String {
+/// Why a word is not a number, and what to write instead.
+pub(super) fn not_a_number(word: &[u8]) -> String {
     let dotted: Vec<u8> = word.iter().map(|&b| if b == b',' { b'.' } else { b }).collect();
     let shown = shown(word);
     if word.contains(&b',') && number(&dotted).is_some() {
@@ -115,18 +172,41 @@ fn not_a_number(word: &[u8]) -> String {
     if number(&exponent).is_some() {
         return format!("{shown} has a Fortran exponent; write {}", String::from_utf8_lossy(&exponent));
     }
-    format!("{shown} is no number; decimal numbers such as -1.5e-3 are accepted")
+    format!("{shown} is not a number; decimal numbers such as -1.5e-3 are accepted")
 }
 
 /// A word as it is shown in errors: quoted, printable, and no longer than 40 characters.
 pub(super) fn shown(word: &[u8]) -> String {
-    let text = String::from_utf8_lossy(word);
+    let text = String::from_utf8_lossy(&word[..word.len().min(200)]);
     let printable = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
     let mut shown: String = text.chars().take(40).map(printable).collect();
     if text.chars().nth(40).is_some() {
         shown.push('…');
     }
     format!("`{shown}`")
+}
+
+/// The text of a file in UTF-16, told by its byte order mark or by zeros in every other byte; `None` for other files.
+pub(super) fn from_utf16(bytes: &[u8]) -> Option<Vec<u8>> {
+    let is_zero_at = |offset: usize| {
+        let head = &bytes[..bytes.len().min(64) & !1];
+        let zeros = |from: usize| head.iter().skip(from).step_by(2).filter(|&&byte| byte == 0).count();
+        head.len() >= 8 && zeros(offset) == head.len() / 2 && zeros(1 - offset) == 0
+    };
+    let (body, unit): (&[u8], fn([u8; 2]) -> u16) = match bytes {
+        [0xFF, 0xFE, body @ ..] => (body, u16::from_le_bytes),
+        [0xFE, 0xFF, body @ ..] => (body, u16::from_be_bytes),
+        _ if is_zero_at(1) => (bytes, u16::from_le_bytes),
+        _ if is_zero_at(0) => (bytes, u16::from_be_bytes),
+        _ => return None,
+    };
+    let units = body.as_chunks::<2>().0.iter().map(|pair| unit(*pair));
+    let mut text = Vec::with_capacity(body.len() / 2);
+    for character in char::decode_utf16(units) {
+        let character = character.unwrap_or(char::REPLACEMENT_CHARACTER);
+        text.extend_from_slice(character.encode_utf8(&mut [0; 4]).as_bytes());
+    }
+    Some(text)
 }
 
 #[cfg(test)]
@@ -140,11 +220,23 @@ mod tests {
         {
             assert_eq!(number(word.as_bytes()), Some(value), "{word}");
         }
-        for word in ["nan", "NaN", "-nan", "-nan(ind)", "1.#QNAN"] {
+        for word in [
+            "nan",
+            "NaN",
+            "-nan",
+            "-nan(ind)",
+            "1.#QNAN",
+            "-1.#IND",
+            "1.#QNAN0",
+            "-1.#IND00",
+            "1.#R",
+            "-1.#J",
+        ] {
             assert!(number(word.as_bytes()).is_some_and(f64::is_nan), "{word}");
         }
         assert_eq!(number(b"inf"), Some(f64::INFINITY));
         assert_eq!(number(b"-Infinity"), Some(f64::NEG_INFINITY));
+        assert_eq!(number(b"-1.#INF00"), Some(f64::NEG_INFINITY));
         assert_eq!(number(b"1e999"), Some(f64::INFINITY));
     }
 
@@ -153,16 +245,49 @@ mod tests {
         let message = |word: &str| number_at(word.as_bytes(), Format::Xyz, 7).unwrap_err().to_string();
         assert_eq!(message("0,5"), "XYZ, line 7: `0,5` has a decimal comma; write 0.5");
         assert_eq!(message("1D+02"), "XYZ, line 7: `1D+02` has a Fortran exponent; write 1e+02");
-        assert!(message("abc").contains("`abc` is no number"));
+        assert!(message("abc").contains("`abc` is not a number"));
         assert!(message(&"x".repeat(500)).len() < 200);
-        for word in ["", "1.2.3", "0x10", "--1", "1e"] {
+        for word in ["", "1.2.3", "0x10", "--1", "1e", "1.#", "1.#QNAN7", "1.#x", "2.#INF"] {
             assert_eq!(number(word.as_bytes()), None, "{word}");
         }
     }
 
     #[test]
-    fn lines_end_in_lf_or_crlf_and_are_counted_from_one() {
-        let lines: Vec<_> = Lines::new(b"a\r\n\n b \nc").map(|l| (l.number, l.text)).collect();
-        assert_eq!(lines, [(1, &b"a"[..]), (2, b""), (3, b"b"), (4, b"c")]);
+    fn lines_end_in_lf_crlf_or_cr_and_are_counted_from_one() {
+        for text in ["a\r\n\n b \nc", "a\r\r b \rc", "a\n\n b \r\nc\r\n"] {
+            let lines: Vec<_> = Lines::new(text.as_bytes()).map(|l| (l.number, l.text)).collect();
+            assert_eq!(lines, [(1, &b"a"[..]), (2, b""), (3, b"b"), (4, b"c")], "{text:?}");
+            assert!(rows_at_most(text.as_bytes()) >= 4);
+        }
+    }
+
+    #[test]
+    fn a_header_in_cr_ends_before_the_first_byte_of_its_data() {
+        let mut lines = Lines::of_header(b"ply\rend_header\r\n\x01");
+        assert_eq!(lines.by_ref().take(2).count(), 2);
+        assert_eq!(lines.rest(), b"\n\x01");
+        let mut lines = Lines::of_header(b"ply\r\nend_header\r\n\r\x01");
+        assert_eq!(lines.by_ref().take(2).map(|line| line.text).last(), Some(&b"end_header"[..]));
+        assert_eq!(lines.rest(), b"\r\x01");
+    }
+
+    #[test]
+    fn comments_begin_at_words() {
+        assert_eq!(before_comment(b"1 1.#QNAN # note", b'#'), b"1 1.#QNAN");
+        assert_eq!(before_comment(b"# note", b'#'), b"");
+    }
+
+    #[test]
+    fn text_in_utf16_is_told_by_its_mark_or_its_zeros() {
+        let units: Vec<u16> = "v 1 2 3\né".encode_utf16().collect();
+        let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+        let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+        let text = "v 1 2 3\né".as_bytes();
+        assert_eq!(from_utf16(&[&[0xFF, 0xFE], little.as_slice()].concat()).unwrap(), text);
+        assert_eq!(from_utf16(&[&[0xFE, 0xFF], big.as_slice()].concat()).unwrap(), text);
+        assert_eq!(from_utf16(&little[..16]).unwrap(), b"v 1 2 3\n");
+        assert_eq!(from_utf16(&big[..16]).unwrap(), b"v 1 2 3\n");
+        assert_eq!(from_utf16(b"v 1 2 3\n"), None);
+        assert_eq!(from_utf16(&[0; 64]), None);
     }
 }

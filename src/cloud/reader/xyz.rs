@@ -1,83 +1,26 @@
-//! XYZ, TXT and PTS: a point per line, columns separated by blanks, or by what CSV has.
+//! XYZ, TXT and PTS, and what else comes as text: a point per line, columns separated by blanks, or by what CSV has.
 //!
-//! `#` and `//` begin comments. A line with a single whole number before the first row is the number of points
-//! (PTS). Column names may stand in a line of their own or in the last comment before the first row, as
-//! CloudCompare writes them (`//X Y Z Intensity`).
+//! `#`, `//` and `%` begin comments. A line with a single whole number before the first row is the number of points; PTS
+//! files of several scans have one before each. Column names may stand in a line of their own or in a comment before
+//! the first row, as CloudCompare writes them (`//X Y Z Intensity`).
 
-use super::table::{self, Dialect};
-use super::text::{Lines, count_at};
-use super::{Format, Location, ReadError, ReadOptions, csv};
+use super::{Format, ReadError, ReadOptions, colmap, ptx, table};
 use crate::cloud::PointCloud;
 
-const DIALECT: Dialect = Dialect { format: Format::Xyz, separator: None };
-
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
-    let mut suggested = None;
-    let mut lines = Lines::new(bytes);
-    let (first, after) = loop {
-        let before = lines.clone();
-        let line = lines.next().ok_or(ReadError::Empty)?;
-        let text = DIALECT.content(&line);
-        if !text.is_empty() {
-            break (text, before);
-        }
-        let comment = line.text.trim_ascii_start();
-        let comment = comment.strip_prefix(b"//").or_else(|| comment.strip_prefix(b"#")).unwrap_or_default();
-        suggested = DIALECT.names(comment).filter(|names| names.iter().any(|n| n.eq_ignore_ascii_case("x")));
-    };
-    // A .txt may be a table of any kind.
-    if first.iter().any(|mark| matches!(mark, b',' | b';')) {
-        return csv::read(bytes, options);
+    if ptx::is_ptx(bytes) {
+        return ptx::read(bytes, options);
     }
-    if let Some(names) = DIALECT.names(first) {
-        return table::read(DIALECT, Some(&names), None, lines, options);
+    if colmap::is_points(bytes) {
+        return colmap::read(bytes, options);
     }
-    match announced(first, &lines) {
-        Some(points) => {
-            options.limits.points(points)?;
-            let last = lines.clone().map(|line| line.number).last().unwrap_or(lines.number());
-            let names = suggested.or_else(|| scanned(&lines));
-            let cloud = table::read(DIALECT, None, names.as_deref(), lines, options)?;
-            check_count(cloud, points, last)
-        }
-        None => table::read(DIALECT, None, suggested.as_deref(), after, options),
-    }
-}
-
-/// The number of points, if the first line is one: it stands alone in its line, and the next row has more.
-fn announced(first: &[u8], lines: &Lines<'_>) -> Option<usize> {
-    let next = lines.clone().map(|line| DIALECT.content(&line)).find(|text| !text.is_empty())?;
-    let alone = DIALECT.split(first).len() == 1 && DIALECT.split(next).len() > 1;
-    if alone { count_at(first, "number of points", Format::Xyz, 1).ok() } else { None }
-}
-
-/// Names of the columns that PTS files of scanners have behind their number of points: intensity, colour, or both.
-fn scanned(lines: &Lines<'_>) -> Option<Vec<String>> {
-    let row = lines.clone().map(|line| DIALECT.content(&line)).find(|text| !text.is_empty())?;
-    let names: &[&str] = match DIALECT.split(row).len() {
-        4 => &["x", "y", "z", "intensity"],
-        6 => &["x", "y", "z", "red", "green", "blue"],
-        7 => &["x", "y", "z", "intensity", "red", "green", "blue"],
-        _ => return None,
-    };
-    Some(names.iter().map(|&name| name.to_owned()).collect())
-}
-
-fn check_count(cloud: PointCloud, announced: usize, last: usize) -> Result<PointCloud, ReadError> {
-    let found = cloud.len();
-    let message = format!("the first line announces {announced} points, {found} follow");
-    match found.cmp(&announced) {
-        std::cmp::Ordering::Equal => Ok(cloud),
-        std::cmp::Ordering::Less => {
-            Err(ReadError::Truncated { format: Format::Xyz, location: Location::Line(last), message })
-        }
-        std::cmp::Ordering::Greater => Err(ReadError::line(Format::Xyz, last, message)),
-    }
+    table::read(bytes, Format::Xyz, options)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::reader::Location;
     use crate::cloud::{CloudError, NonFinite};
 
     fn xyz(text: &str) -> Result<PointCloud, ReadError> {
@@ -115,14 +58,22 @@ mod tests {
     }
 
     #[test]
-    fn the_count_of_a_pts_file_is_held_against_its_rows() {
-        assert_eq!(xyz("2\n1 2 3\n4 5 6\n").unwrap().len(), 2);
-        let error = xyz("3\n1 2 3\n4 5 6\n").unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "XYZ, line 3: the file ends too early: the first line announces 3 points, 2 follow"
-        );
-        assert!(matches!(xyz("1\n1 2 3\n4 5 6\n").unwrap_err(), ReadError::Malformed { .. }));
+    fn a_count_that_is_wrong_is_told_of() {
+        assert!(xyz("2\n1 2 3\n4 5 6\n").unwrap().notes().is_empty());
+        for count in [1, 3] {
+            let cloud = xyz(&format!("{count}\n1 2 3\n4 5 6\n")).unwrap();
+            let told = format!("the first line announces {count} points; 2 follow and were read");
+            assert_eq!((cloud.len(), cloud.notes()), (2, &[told][..]));
+        }
+    }
+
+    #[test]
+    fn a_file_of_several_scans_has_a_field_of_them() {
+        let cloud = xyz("2\n0 0 1 -5 1 2 3\n1 0 2 -6 4 5 6\n1\n1 1 3 -7 7 8 9\n").unwrap();
+        assert_eq!(names(&cloud), ["intensity", "red", "green", "blue", "scan"]);
+        assert_eq!(cloud.fields()[4].values, [0.0, 0.0, 1.0]);
+        assert_eq!(cloud.coordinates(), [0.0, 0.0, 1.0, 1.0, 0.0, 2.0, 1.0, 1.0, 3.0]);
+        assert!(xyz("0 0 1\n7\n1 1 3\n").is_err(), "only where the first line is a number of points");
     }
 
     #[test]
@@ -192,6 +143,6 @@ mod tests {
 
     #[test]
     fn a_file_of_comments_is_empty() {
-        assert_eq!(xyz("# nothing\n\n").unwrap_err(), ReadError::Empty);
+        assert_eq!(xyz("# nothing\n\n").unwrap_err(), ReadError::NoRows { format: Format::Xyz });
     }
 }

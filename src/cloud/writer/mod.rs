@@ -15,6 +15,7 @@ pub use archive::{Archive, OpenArchive};
 pub use npy::{npy_header, npy_header_by_columns, npy_vector_header};
 pub use npz::write_npz;
 pub use ply::{FACE_BYTES, PlyEncoding, PlyHeader, encode_faces, ply_columns, ply_header, ply_properties};
+pub(in crate::cloud) use ply::{SCALAR_PREFIX, is_plain};
 pub use rows::{Column, encode_column, encode_rows};
 pub use text::{csv_header, csv_lines};
 

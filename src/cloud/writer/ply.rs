@@ -88,9 +88,12 @@ impl PlyHeader {
             PlyEncoding::Ascii => "ascii",
         };
         let mut text = format!("ply\nformat {encoding} 1.0\nelement vertex {}\n", self.points);
+        let mut written: Vec<String> = Vec::with_capacity(self.properties.len());
         for (name, kind) in &self.properties {
+            let name = property_name(name, &written);
             // Writing to a string cannot fail.
-            let _ = writeln!(text, "property {} {}", kind.ply_name(), one_word(name));
+            let _ = writeln!(text, "property {} {name}", kind.ply_name());
+            written.push(name);
         }
         if self.faces > 0 {
             let _ = writeln!(text, "element face {}\nproperty list uchar int vertex_indices", self.faces);
@@ -177,9 +180,25 @@ fn push_typed(value: f64, kind: ScalarType, text: &mut Vec<u8>) {
     text.push(b' ');
 }
 
-/// A name without blanks, which most readers stumble over.
-fn one_word(name: &str) -> String {
+/// Begins the names of scalar fields, as `CloudCompare` writes and expects them. The reader takes it off again.
+pub(in crate::cloud) const SCALAR_PREFIX: &str = "scalar_";
+
+/// Whether viewers know a property by its bare name: coordinates, normals, colors.
+pub(in crate::cloud) fn is_plain(name: &str) -> bool {
+    const NAMES: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha"];
+    NAMES.contains(&name) || name.starts_with("coordinate_")
+}
+
+/// The name of a property for a field: one word, as most readers want it, and none that is written already.
+fn property_name(field: &str, written: &[String]) -> String {
     let word: String =
-        name.chars().map(|c| if c.is_whitespace() || c.is_control() { '_' } else { c }).collect();
-    if word.is_empty() { "_".to_owned() } else { word }
+        field.chars().map(|c| if c.is_whitespace() || c.is_control() { '_' } else { c }).collect();
+    let word = if word.is_empty() { "_".to_owned() } else { word };
+    let marked = if is_plain(&word) || word.starts_with(SCALAR_PREFIX) {
+        word
+    } else {
+        format!("{SCALAR_PREFIX}{word}")
+    };
+    let numbered = (2..).map(|number| format!("{marked}_{number}"));
+    std::iter::once(marked.clone()).chain(numbered).find(|name| !written.contains(name)).unwrap_or(marked)
 }

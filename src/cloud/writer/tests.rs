@@ -84,7 +84,9 @@ fn added_columns_stand_behind_the_fields() {
     let header = PlyHeader::of(&cloud, PlyEncoding::Ascii).with_property("basis_0", ScalarType::Float32);
     let bytes =
         [header.to_bytes(), header.encode_rows(&with(&cloud, &[0.1], ScalarType::Float32), 1)].concat();
-    assert!(String::from_utf8_lossy(&bytes).ends_with("property float basis_0\nend_header\n1 2 3 0.1\n"));
+    assert!(
+        String::from_utf8_lossy(&bytes).ends_with("property float scalar_basis_0\nend_header\n1 2 3 0.1\n")
+    );
     let back = read(&bytes, Format::Ply, &ReadOptions::default()).unwrap();
     assert_eq!(back.fields()[0].name, "basis_0");
 }
@@ -99,7 +101,10 @@ fn another_ply_reader_finds_the_same_points_and_faces() {
     let (vertices, faces) = (&ply.payload["vertex"], &ply.payload["face"]);
     assert_eq!((vertices.len(), faces.len()), (cloud.len(), cloud.faces().len()));
     assert_eq!(vertices[4321]["y"], Property::Double(cloud.point(4321)[1]));
-    assert_eq!(vertices[4321]["field_of_short"], Property::Short(cloud.fields()[2].values[4321] as i16));
+    assert_eq!(
+        vertices[4321]["scalar_field_of_short"],
+        Property::Short(cloud.fields()[2].values[4321] as i16)
+    );
     assert_eq!(faces[9]["vertex_indices"], Property::ListInt(vec![11, 10, 9]));
 }
 
@@ -147,6 +152,21 @@ fn tables_and_meshes_are_read_back_exactly() {
             assert_eq!(values(&back), values(&cloud), "{format}");
         }
     }
+}
+
+#[test]
+fn names_that_a_spreadsheet_would_run_are_written_behind_an_apostrophe() {
+    let names = ["=1+1", "@sum", "+a", "-b", "plain"];
+    let field =
+        |name: &str| ScalarField { name: name.to_owned(), kind: ScalarType::Float64, values: vec![1.0] };
+    let cloud = PointCloud::new(3, vec![1.0, 2.0, 3.0], NonFinite::Reject).unwrap();
+    let cloud = cloud.with_fields(names.map(field).to_vec()).unwrap();
+    let mut bytes = Vec::new();
+    write(&cloud, Format::Csv, &mut bytes).unwrap();
+    assert!(bytes.starts_with(b"x,y,z,'=1+1,'@sum,'+a,'-b,plain\n"), "{}", String::from_utf8_lossy(&bytes));
+    assert_eq!(read(&bytes, Format::Csv, &ReadOptions::default()).unwrap().fields(), cloud.fields());
+    let header = csv_header(&["=cmd".to_owned()]);
+    assert_eq!(header, b"'=cmd\n");
 }
 
 #[test]

@@ -45,7 +45,9 @@ impl Table {
             Self::Xyz => c.is_whitespace() || c == '#',
             Self::Csv => c.is_control() || matches!(c, ',' | ';' | '"'),
         };
-        name.replace(separates, "_")
+        let name = name.replace(separates, "_");
+        // A spreadsheet runs what begins so. The reader takes the apostrophe off again.
+        if self == Self::Csv && name.starts_with(['=', '+', '-', '@']) { format!("'{name}") } else { name }
     }
 }
 

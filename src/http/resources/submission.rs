@@ -60,8 +60,8 @@ pub(crate) const UPLOAD: &[Argument] = &[
         name: "scan",
         alias: None,
         accepts: Accepts::Integer(0, u64::MAX),
-        default: "0",
-        meaning: "For files of several scans (E57): which one, counting from 0.",
+        default: "all of them",
+        meaning: "For files of several scans (E57, PTX): which one, counting from 0.",
     },
     Argument {
         name: "analyze",

@@ -68,7 +68,7 @@ fn parse(bytes: &[u8]) -> Result<Vec<Function>, Problem> {
 }
 
 fn unnamed(lists: Vec<Vec<f64>>) -> Vec<Function> {
-    let named = |(i, values)| Function { name: format!("f{i}"), values };
+    let named = |(i, values)| Function::new(format!("f{i}"), values);
     lists.into_iter().enumerate().map(named).collect()
 }
 

@@ -58,7 +58,7 @@ fn named(name: &str, what: &str, numbers: Result<Vec<f64>, NoNumber>) -> Result<
     let described = |NoNumber { place, shown }| {
         format!("{what} has {shown} at place {place} (counting from 0), which is no number")
     };
-    Ok(Function { name: name.to_owned(), values: numbers.map_err(described)? })
+    Ok(Function::new(name, numbers.map_err(described)?))
 }
 
 impl<'de> DeserializeSeed<'de> for Expected {

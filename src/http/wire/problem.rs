@@ -357,14 +357,17 @@ impl From<CloudError> for Problem {
 impl From<ReadError> for Problem {
     fn from(error: ReadError) -> Self {
         let kind = match &error {
-            ReadError::Empty | ReadError::Truncated { .. } | ReadError::Malformed { .. } => {
-                Kind::MalformedFile
-            }
+            ReadError::Empty
+            | ReadError::NoRows { .. }
+            | ReadError::NoAxes { .. }
+            | ReadError::Truncated { .. }
+            | ReadError::Malformed { .. } => Kind::MalformedFile,
             ReadError::TooManyPoints { .. }
             | ReadError::TooCompressed { .. }
             | ReadError::TooMuchMemory { .. }
             | ReadError::TooManyFields { .. }
             | ReadError::TooManyFaces { .. } => Kind::TooLarge,
+            ReadError::Foreign { .. } => Kind::UnsupportedFormat,
             ReadError::DimensionColumns { .. } | ReadError::NoSuchScan { .. } => Kind::InvalidParameter,
             ReadError::Dimension { .. } | ReadError::Cloud(_) => Kind::UnusableCloud,
         };

@@ -16,7 +16,20 @@ use crate::http::service::Service;
 const EMPTY: &str = "the body is empty; send the file as the body, as in `curl -T scan.ply`";
 
 /// Media types that say nothing about the format: what clients send when they were not told.
-const UNSPECIFIC: [&str; 3] = ["application/octet-stream", "application/x-www-form-urlencoded", "text/plain"];
+const UNSPECIFIC: [&str; 9] = [
+    "application/octet-stream",
+    FORM,
+    "text/plain",
+    // A packed file is told by what is in it.
+    "application/gzip",
+    "application/x-gzip",
+    "application/zip",
+    "application/x-zip-compressed",
+    "application/x-compressed",
+    "application/x-npz",
+];
+/// What `curl -d` says that a file is.
+const FORM: &str = "application/x-www-form-urlencoded";
 
 /// A file as it arrived.
 #[derive(Debug)]
@@ -93,12 +106,13 @@ impl Upload {
     /// # Errors
     /// A problem that names the formats.
     pub(crate) fn format(&self, named: Option<Format>) -> Result<Format, Problem> {
-        let ending = self.file_name.as_deref().and_then(|name| name.rsplit_once('.'));
         named
             .or(self.declared)
-            .or_else(|| ending.and_then(|(_, ending)| Format::from_extension(ending)))
-            .or_else(|| Format::sniff(&self.bytes))
-            .ok_or_else(|| unsupported("the format cannot be told from the file"))
+            .or_else(|| Format::of_file(self.file_name.as_deref(), &self.bytes))
+            .ok_or_else(|| match reader::foreign(&self.bytes) {
+                Some(error) => error.into(),
+                None => unsupported("the format cannot be told from the file"),
+            })
     }
 }
 

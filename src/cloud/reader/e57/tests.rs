@@ -2,7 +2,7 @@
 
 #![allow(clippy::float_cmp)] // to the last digit
 
-use e57::{E57Writer, RecordValue, Translation};
+use e57::{E57Writer, Quaternion, Record, RecordDataType, RecordName, RecordValue, Transform, Translation};
 
 use super::*;
 use crate::cloud::{CloudError, NonFinite};
@@ -58,7 +58,7 @@ fn small() -> Vec<u8> {
 }
 
 #[test]
-fn coordinates_and_fields_of_the_first_scan_come_in_full_precision() {
+fn coordinates_and_fields_of_a_scan_come_in_full_precision() {
     let color = [RecordName::ColorRed, RecordName::ColorGreen, RecordName::ColorBlue];
     let color = color.map(|name| record(name, BYTE));
     let point = |x: f64, red: i64| {
@@ -66,7 +66,8 @@ fn coordinates_and_fields_of_the_first_scan_come_in_full_precision() {
     };
     let scans = [(None, vec![point(5e6 + 1e-7, 255), point(1.0, 0)]), (None, vec![point(9.0, 9)])];
     let bytes = file(&cartesian(&color), &scans);
-    let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+    let first = ReadOptions { scan: Some(0), ..ReadOptions::default() };
+    let cloud = read(&bytes, &first).unwrap();
     assert_eq!(cloud.coordinates(), [5e6 + 1e-7, 0.1, -0.2, 1.0, 0.1, -0.2]);
     let fields: Vec<_> = cloud.fields().iter().map(|f| (f.name.as_str(), f.kind, f.values[0])).collect();
     let expected = [("red", 255.0), ("green", 7.0), ("blue", 8.0)];
@@ -130,26 +131,55 @@ fn damaged_files_are_refused() {
 }
 
 #[test]
-fn packets_in_which_one_attribute_runs_ahead_are_refused() {
-    let scan = |records| e57_scan(&small(), records);
-    assert!(packets::check_streams(&small(), &scan(2)).is_ok());
-    let error = packets::check_streams(&small(), &scan(3)).unwrap_err().to_string();
-    assert!(error.contains("ends before all points") || error.contains("another number"), "{error}");
-    // One value of one bit per value of 64 bits: 32 KiB of the first are ahead by 260,000, eight packets by 2 million.
-    let mut lopsided = scan(u64::MAX);
-    lopsided.prototype[0].data_type = RecordDataType::Integer { min: 0, max: 1 };
-    let bytes = packets_of(&[32_768, 8, 8], 10);
-    lopsided.file_offset = 0;
-    let error = packets::check_streams(&bytes, &lopsided).unwrap_err().to_string();
-    assert!(error.contains("values wait"), "{error}");
-    // None of many runs ahead by a million, all together do.
-    let mut many = scan(u64::MAX);
-    let bit = record(RecordName::RowIndex, RecordDataType::Integer { min: 0, max: 1 });
-    many.prototype.splice(0..2, vec![bit; 20]);
-    many.file_offset = 0;
-    let bytes = packets_of(&[[2000; 20].as_slice(), &[8]].concat(), 10);
-    let error = packets::check_streams(&bytes, &many).unwrap_err().to_string();
-    assert!(error.contains("values wait"), "{error}");
+fn all_scans_of_a_file_are_one_cloud_with_a_field_of_them() {
+    let prototype = cartesian(&[record(RecordName::Intensity, BYTE)]);
+    let point = |x: f64| [doubles(&[x, 2.0, 3.0]), vec![RecordValue::Integer(9)]].concat();
+    let bytes = file(&prototype, &[(None, vec![point(1.0), point(2.0)]), (None, vec![point(3.0)])]);
+    let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+    assert_eq!(cloud.coordinates(), [1.0, 2.0, 3.0, 2.0, 2.0, 3.0, 3.0, 2.0, 3.0]);
+    let fields: Vec<_> = cloud.fields().iter().map(|f| (f.name.as_str(), f.values.as_slice())).collect();
+    assert_eq!(fields, [("intensity", &[9.0; 3][..]), ("scan", &[0.0, 0.0, 1.0])]);
+}
+
+#[test]
+fn a_quaternion_that_is_not_quite_of_length_one_does_not_scale() {
+    let rotation = Quaternion { w: 0.7072, x: 0.0, y: 0.0, z: 0.7072 };
+    let pose = Transform { rotation, translation: Translation { x: 0.0, y: 0.0, z: 0.0 } };
+    let bytes = file(&cartesian(&[]), &[(Some(pose), vec![doubles(&[100.0, 0.0, 0.0])])]);
+    let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+    for (found, expected) in cloud.point(0).iter().zip([0.0, 100.0, 0.0]) {
+        assert!((found - expected).abs() < 1e-12, "{:?}", cloud.point(0));
+    }
+}
+
+#[test]
+fn bits_are_unpacked_as_the_crate_unpacks_them() {
+    let scaled = RecordDataType::ScaledInteger { min: -65_536, max: 65_535, scale: 1e-3, offset: 0.5 };
+    let odd = RecordDataType::Integer { min: -5, max: 4994 };
+    use RecordName::{CartesianX, CartesianY, CartesianZ, Intensity, RowIndex};
+    let mut prototype: Vec<Record> =
+        [CartesianX, CartesianY, CartesianZ].map(|name| record(name, scaled.clone())).to_vec();
+    prototype.extend([record(Intensity, odd), record(RowIndex, BYTE)]);
+    let points: Vec<Vec<RecordValue>> = (0..20_000_i64)
+        .map(|i| {
+            let scaled =
+                [i * 7919, i * 104_729, i * 31].map(|x| RecordValue::ScaledInteger(x % 131_072 - 65_536));
+            [scaled.to_vec(), vec![RecordValue::Integer(i % 5000 - 5), RecordValue::Integer(i % 256)]]
+                .concat()
+        })
+        .collect();
+    let bytes = file(&prototype, &[(None, points.clone())]);
+    let cloud = read(&bytes, &ReadOptions::default()).unwrap();
+    for (row, point) in points.iter().enumerate() {
+        let expected: Vec<f64> = point
+            .iter()
+            .zip(&prototype)
+            .map(|(value, record)| value.to_f64(&record.data_type).unwrap())
+            .collect();
+        assert_eq!(cloud.point(row), &expected[..3]);
+        assert_eq!(cloud.fields()[0].values[row], expected[3]);
+        assert_eq!(cloud.fields()[1].values[row], expected[4]);
+    }
 }
 
 #[test]
@@ -181,29 +211,4 @@ fn a_description_of_more_attributes_than_any_has_is_refused() {
     assert_eq!(with(900).unwrap().len(), 1);
     let error = with(1001).unwrap_err().to_string();
     assert!(error.contains("more than 1000 attributes"), "{error}");
-}
-
-fn e57_scan(bytes: &[u8], records: u64) -> e57::PointCloud {
-    let file = E57Reader::new(Cursor::new(bytes)).unwrap();
-    let mut scan = file.pointclouds().swap_remove(0);
-    scan.records = records;
-    scan
-}
-
-/// A section of data packets with streams of these lengths, in pages without valid checksums.
-fn packets_of(streams: &[u16], packets: usize) -> Vec<u8> {
-    let mut section = vec![0; 32];
-    section[0] = 1;
-    section[16..24].copy_from_slice(&32_u64.to_le_bytes());
-    for _ in 0..packets {
-        let start = section.len();
-        section.extend([1, 0, 0, 0]);
-        section.extend((streams.len() as u16).to_le_bytes());
-        section.extend(streams.iter().flat_map(|length| length.to_le_bytes()));
-        section.extend(streams.iter().flat_map(|&length| vec![0; usize::from(length)]));
-        section.resize(start + (section.len() - start).next_multiple_of(4), 0);
-        let length = (section.len() - start - 1) as u16;
-        section[start + 2..start + 4].copy_from_slice(&length.to_le_bytes());
-    }
-    section.chunks(1020).flat_map(|page| [page, &[0; 4]].concat()).collect()
 }

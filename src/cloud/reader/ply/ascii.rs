@@ -6,6 +6,7 @@ use super::header::{Element, Header, Property, PropertyKind};
 use super::{FORMAT, Ply, ReadError};
 use crate::cloud::ScalarType;
 use crate::cloud::reader::Location;
+use crate::cloud::scalar::Stored;
 
 pub(super) fn read(bytes: &[u8], header: &Header, ply: &mut Ply) -> Result<(), ReadError> {
     let mut lines = Lines::starting_at(&bytes[header.body..], header.lines + 1);
@@ -63,6 +64,7 @@ fn read_vertices(element: &Element, lines: &mut Lines<'_>, ply: &mut Ply) -> Res
         check_end(words.next(), &line)?;
         ply.columns.push(&row)?;
     }
+    ply.columns.settle_types();
     Ok(())
 }
 
@@ -105,25 +107,23 @@ fn read_faces(
     Ok(())
 }
 
-fn value(
-    word: Option<&[u8]>,
-    property: &Property,
-    kind: ScalarType,
-    line: &Line<'_>,
-) -> Result<f64, ReadError> {
+fn value(word: Option<&[u8]>, property: &Property, kind: Stored, line: &Line<'_>) -> Result<f64, ReadError> {
     let word = word.ok_or_else(|| missing(property, line))?;
-    let value = number_at(word, FORMAT, line.number)?;
-    if !kind.holds(value) {
+    let value = match word {
+        b"true" | b"True" if kind == Stored::Scalar(ScalarType::Uint8) => 1.0,
+        b"false" | b"False" if kind == Stored::Scalar(ScalarType::Uint8) => 0.0,
+        word => number_at(word, FORMAT, line.number)?,
+    };
+    if !kind.scalar_type().holds(value) {
         let message = format!(
             "{} does not fit property {} of type {}",
             shown(word),
             shown(property.name.as_bytes()),
-            kind.ply_name()
+            kind.scalar_type().ply_name()
         );
         return Err(ReadError::line(FORMAT, line.number, message));
     }
-    // The same file in binary has the value in its type.
-    Ok(if kind == ScalarType::Float32 { f64::from(value as f32) } else { value })
+    Ok(value)
 }
 
 fn missing(property: &Property, line: &Line<'_>) -> ReadError {

@@ -3,13 +3,14 @@
 //! Vertices without lists stand at fixed distances and are decoded column by column out of checked slices.
 
 use super::super::columns::Target;
+use super::super::number::{Number, Source};
 use super::super::text::shown;
-use super::decode::{ByteOrder, Place, decode};
+use super::decode::{ByteOrder, Place};
 use super::faces::{FaceError, Surface};
 use super::header::{Element, Header, PropertyKind};
 use super::{FORMAT, Ply, ReadError};
-use crate::cloud::ScalarType;
 use crate::cloud::reader::Location;
+use crate::cloud::scalar::Stored;
 
 /// Rows decoded together: all their columns stay in the first cache.
 const BLOCK_ROWS: usize = 512;
@@ -53,16 +54,17 @@ fn read_fixed_vertices(
         let first = index * BLOCK_ROWS;
         let mut offset = 0;
         for ((_, kind), target) in element.scalars().zip(&columns.targets) {
+            let source = Source { rows, stride, offset, number: Number::stored(kind, cursor.order) };
             match *target {
                 Target::Coordinate(axis) => {
                     let stride_out = columns.dimension;
                     let out = &mut columns.coordinates[first * stride_out..];
                     let place = Place { out, stride: stride_out, offset: axis };
-                    decode(rows, stride, offset, kind, cursor.order, place);
+                    source.decode(place);
                 }
                 Target::Field(field) => {
                     let out = &mut columns.fields[field].values[first..];
-                    decode(rows, stride, offset, kind, cursor.order, Place::packed(out));
+                    source.decode(Place::packed(out));
                 }
                 Target::Skipped => {}
             }
@@ -155,7 +157,7 @@ impl<'a> Cursor<'a> {
         kind: PropertyKind,
         element: &Element,
         row: usize,
-    ) -> Result<(ScalarType, &'a [u8]), ReadError> {
+    ) -> Result<(Stored, &'a [u8]), ReadError> {
         match kind {
             PropertyKind::Scalar(kind) => Ok((kind, self.take(kind.size(), element, row)?)),
             PropertyKind::List { length, item } => {
@@ -172,9 +174,10 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    fn value(&self, bytes: &[u8], kind: ScalarType) -> f64 {
+    fn value(&self, bytes: &[u8], kind: Stored) -> f64 {
         let mut value = [0.0];
-        decode(bytes, kind.size(), 0, kind, self.order, Place::packed(&mut value));
+        let number = Number::stored(kind, self.order);
+        Source { rows: bytes, stride: kind.size(), offset: 0, number }.decode(Place::packed(&mut value));
         value[0]
     }
 

@@ -1,6 +1,6 @@
 //! Faces and triangle strips of a PLY file.
 
-use super::super::polygons::{Triangles, corner, enough_corners};
+use super::super::polygons::{Triangles, corner};
 use super::ReadError;
 use super::header::{Element, PropertyKind};
 
@@ -22,7 +22,7 @@ impl Surface {
             _ => return None,
         };
         let list = element.properties.iter().position(|property| {
-            matches!(property.kind, PropertyKind::List { item, .. } if item.integer_range().is_some())
+            matches!(property.kind, PropertyKind::List { item, .. } if item.is_integer())
                 && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
         })?;
         Some((surface, list))
@@ -39,7 +39,6 @@ impl Surface {
     ) -> Result<(), FaceError> {
         match self {
             Self::Polygons => {
-                enough_corners(indices.len(), row)?;
                 corners.clear();
                 for &index in indices {
                     corners.push(corner(index, points, row)?);

@@ -2,9 +2,9 @@
 
 use super::decode::ByteOrder;
 use super::{FORMAT, ReadError};
-use crate::cloud::ScalarType;
 use crate::cloud::reader::Location;
 use crate::cloud::reader::text::{Line, Lines, count_at, shown};
+use crate::cloud::scalar::Stored;
 
 /// No scanner writes headers longer than this.
 const HEADER_BYTES_MAX: usize = 1 << 20;
@@ -17,8 +17,8 @@ pub(super) enum Encoding {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PropertyKind {
-    Scalar(ScalarType),
-    List { length: ScalarType, item: ScalarType },
+    Scalar(Stored),
+    List { length: Stored, item: Stored },
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +36,7 @@ pub(super) struct Element {
 
 impl Element {
     /// Names and types of the properties that are no lists.
-    pub(super) fn scalars(&self) -> impl Iterator<Item = (&str, ScalarType)> {
+    pub(super) fn scalars(&self) -> impl Iterator<Item = (&str, Stored)> {
         self.properties.iter().filter_map(|property| match property.kind {
             PropertyKind::Scalar(kind) => Some((property.name.as_str(), kind)),
             PropertyKind::List { .. } => None,
@@ -73,19 +73,27 @@ pub(super) struct Header {
     pub(super) body: usize,
     /// Number of lines of the header.
     pub(super) lines: usize,
+    /// Names of picture files, from comments `TextureFile NAME`.
+    pub(super) textures: Vec<String>,
 }
 
 impl Header {
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, ReadError> {
-        let mut lines = Lines::new(&bytes[..bytes.len().min(HEADER_BYTES_MAX)]);
+        let mut lines = Lines::of_header(&bytes[..bytes.len().min(HEADER_BYTES_MAX)]);
         if lines.next().is_none_or(|line| line.text != b"ply") {
-            return Err(ReadError::line(FORMAT, 1, "the first line is not `ply`"));
+            let message = if bytes.starts_with(b"plyformat") {
+                "the file has lost its line ends, as `curl -d` loses them; send it by `curl -T` or `--data-binary`"
+            } else {
+                "the first line is not `ply`"
+            };
+            return Err(ReadError::line(FORMAT, 1, message));
         }
         let mut encoding = None;
-        let mut elements = Vec::new();
+        let (mut elements, mut textures) = (Vec::new(), Vec::new());
         while let Some(line) = lines.next() {
             let words: Vec<&[u8]> = line.words().collect();
             match words.as_slice() {
+                [b"comment", b"TextureFile", name, ..] if textures.len() < 8 => textures.push(lossy(name)),
                 [] | [b"comment" | b"obj_info", ..] => {}
                 [b"format", name, version] => encoding = Some(format(name, version, &line)?),
                 [b"element", name, count] => {
@@ -103,7 +111,7 @@ impl Header {
                         return Err(ReadError::line(FORMAT, line.number, "the header has no format line"));
                     };
                     let body = bytes.len().min(HEADER_BYTES_MAX) - lines.rest().len();
-                    return Ok(Self { encoding, elements, body, lines: line.number });
+                    return Ok(Self { encoding, elements, body, lines: line.number, textures });
                 }
                 _ => {
                     let message = format!(
@@ -119,6 +127,45 @@ impl Header {
             location: Location::Line(lines.number()),
             message: format!("the line `end_header` is missing in the first {HEADER_BYTES_MAX} bytes"),
         })
+    }
+}
+
+impl Header {
+    /// Names of the fields of vertices that have 64 bits.
+    pub(super) fn wide_fields(&self) -> Vec<String> {
+        let Some(vertex) = self.elements.iter().find(|element| element.name == "vertex") else {
+            return Vec::new();
+        };
+        let wide = vertex.scalars().filter(|(_, stored)| matches!(stored, Stored::Integer { .. }));
+        wide.map(|(name, _)| super::field_name(name, vertex)).collect()
+    }
+
+    /// What of the file is no part of a cloud.
+    pub(super) fn left_out(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for element in self.elements.iter().filter(|element| element.count > 0) {
+            let name = shown(element.name.as_bytes());
+            let mut lists = element.properties.iter();
+            match element.name.as_str() {
+                "vertex" => {
+                    for property in lists.filter(|p| matches!(p.kind, PropertyKind::List { .. })) {
+                        let list = shown(property.name.as_bytes());
+                        notes.push(format!("the lists {list} of the vertices were left out"));
+                    }
+                }
+                "face" | "tristrips" => {
+                    if lists.any(|property| matches!(property.name.as_str(), "texcoord" | "texnumber")) {
+                        notes.push("texture coordinates of the faces were left out".to_owned());
+                    }
+                }
+                _ => notes.push(format!("{} rows of element {name} were left out", element.count)),
+            }
+        }
+        notes.truncate(20);
+        notes.extend(
+            self.textures.iter().map(|name| format!("the texture {} was left out", shown(name.as_bytes()))),
+        );
+        notes
     }
 }
 
@@ -144,9 +191,9 @@ fn format(name: &[u8], version: &[u8], line: &Line<'_>) -> Result<Encoding, Read
 /// The words behind `property`. Names may hold blanks.
 fn property(words: &[&[u8]], line: &Line<'_>) -> Result<Property, ReadError> {
     let kind = |word: &[u8]| {
-        ScalarType::from_ply_name(word).ok_or_else(|| {
+        Stored::from_ply_name(word).ok_or_else(|| {
             let message = format!(
-                "{} is no type; char, uchar, short, ushort, int, uint, float and double are",
+                "{} is not a type; char, uchar, short, ushort, int, uint, int64, uint64, float, double and bool are",
                 shown(word)
             );
             ReadError::line(FORMAT, line.number, message)
@@ -155,7 +202,7 @@ fn property(words: &[&[u8]], line: &Line<'_>) -> Result<Property, ReadError> {
     let (kind, name) = match words {
         [b"list", length, item, name @ ..] => {
             let (length, item) = (kind(length)?, kind(item)?);
-            if length.integer_range().is_none() {
+            if !length.is_integer() {
                 let message = "the length of a list has a floating type; integer types are accepted";
                 return Err(ReadError::line(FORMAT, line.number, message));
             }

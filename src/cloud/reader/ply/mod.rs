@@ -22,9 +22,12 @@ use self::header::{Element, Encoding, Header, PropertyKind};
 use super::columns::{Column, Columns, Target};
 use super::polygons::Triangles;
 use super::{Format, ReadError, ReadOptions};
-use crate::cloud::PointCloud;
+use crate::cloud::writer::{SCALAR_PREFIX, is_plain};
+use crate::cloud::{PointCloud, ScalarField};
 
 const FORMAT: Format = Format::Ply;
+/// Integers up to which doubles are exact.
+const EXACT_MAX: f64 = 9_007_199_254_740_992.0;
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
     let header = Header::parse(bytes)?;
@@ -33,8 +36,16 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         Encoding::Ascii => ascii::read(bytes, &header, &mut ply)?,
         Encoding::Binary(order) => binary::read(bytes, &header, order, &mut ply)?,
     }
-    let (triangles, continued) = ply.triangles.into_parts();
-    Ok(ply.columns.into_cloud(triangles, options)?.with_polygons(continued)?)
+    ply.columns.notes.extend(header.left_out());
+    let wide = header.wide_fields();
+    let is_beyond =
+        |field: &ScalarField| wide.contains(&field.name) && field.values.iter().any(|x| x.abs() > EXACT_MAX);
+    let rounded = ply.columns.fields.iter().filter(|field| is_beyond(field)).map(|field| {
+        format!("`{}` has integers of more than 53 bits, which were rounded to doubles", field.name)
+    });
+    let rounded: Vec<String> = rounded.collect();
+    ply.columns.notes.extend(rounded);
+    ply.triangles.finish(ply.columns, options)
 }
 
 /// What is taken out of a file, while it is read.
@@ -51,8 +62,10 @@ impl Ply {
             return Err(ReadError::line(FORMAT, header.lines, message));
         };
         options.limits.points(vertex.count)?;
-        let scalars: Vec<Column> =
-            vertex.scalars().map(|(name, kind)| Column { name: name.into(), kind }).collect();
+        let scalars: Vec<Column> = vertex
+            .scalars()
+            .map(|(name, stored)| Column { name: field_name(name, vertex), kind: stored.scalar_type() })
+            .collect();
         let Some(mut columns) = Columns::named(&scalars, &options.limits)? else {
             let message = "the vertex element needs the scalar properties x, y and z, once each";
             return Err(ReadError::line(FORMAT, header.lines, message));
@@ -61,6 +74,14 @@ impl Ply {
         let triangles = Triangles::new(&options.limits, columns.bytes_of(vertex.count));
         Ok(Self { points: vertex.count, columns, triangles })
     }
+}
+
+/// The field of a property: its name without the prefix by which `CloudCompare` marks scalar fields, unless another
+/// property has that name.
+fn field_name(name: &str, vertex: &Element) -> String {
+    let plain = name.strip_prefix(SCALAR_PREFIX).filter(|rest| !rest.is_empty() && !is_plain(rest));
+    let is_free = |plain: &&str| vertex.properties.iter().all(|property| property.name != **plain);
+    plain.filter(is_free).unwrap_or(name).to_owned()
 }
 
 /// Targets of the scalar properties become targets of all properties: lists are skipped.
