@@ -171,7 +171,7 @@ pub fn rows<C: AsRef<[f64]>>(
             *value = if value.is_nan() { before } else { *value + transfer.outside * before };
         }
         let rows = block.first as u32..(block.first + block.rows()) as u32;
-        let missing = function.missing.iter().filter(|row| rows.contains(row));
+        let missing = function.missing.iter().filter(|row| rows.contains(*row));
         missing.for_each(|&row| column[row as usize - block.first] = f64::NAN);
     }
     columns

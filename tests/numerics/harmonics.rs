@@ -63,5 +63,5 @@ impl Basis {
 }
 
 fn function(values: Vec<f64>) -> Function {
-    Function { name: "f".to_owned(), values }
+    Function::new("f".to_owned(), values)
 }
