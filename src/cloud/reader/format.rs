@@ -55,8 +55,18 @@ impl Format {
     ];
 
     /// The formats that [`write()`](crate::cloud::writer::write()) writes.
-    pub const WRITTEN: [Self; 8] =
-        [Self::Ply, Self::Obj, Self::Off, Self::Xyz, Self::Csv, Self::Npy, Self::Las, Self::Laz];
+    pub const WRITTEN: [Self; 10] = [
+        Self::Ply,
+        Self::Obj,
+        Self::Off,
+        Self::Stl,
+        Self::Xyz,
+        Self::Csv,
+        Self::Npy,
+        Self::Pcd,
+        Self::Las,
+        Self::Laz,
+    ];
 
     /// Name in the interface.
     #[must_use]

@@ -5,8 +5,10 @@ mod archive;
 mod las;
 mod npy;
 mod npz;
+mod pcd;
 mod ply;
 mod rows;
+mod stl;
 mod text;
 
 use std::io::{self, Write};
@@ -27,7 +29,7 @@ const CHUNK_ROWS: usize = 4096;
 
 /// Writes a cloud with its fields and, where the format has them, its faces. PLY is written in binary.
 ///
-/// OBJ and OFF hold points of three coordinates: others are padded with 0 or cut, and fields are left out.
+/// OBJ, OFF and STL hold points of at most three coordinates, STL none but those of faces; fields are left out.
 /// NPY holds the coordinates only, as `n × d` doubles. LAS and LAZ hold finite coordinates of at most three
 /// dimensions, to nine digits of the cloud's extent or, where they lie on a grid of a power of ten, as they are.
 ///
@@ -42,7 +44,9 @@ pub fn write(cloud: &PointCloud, format: Format, out: &mut impl Write) -> io::Re
         Format::Xyz => text::write_table(cloud, text::Table::Xyz, out),
         Format::Csv => text::write_table(cloud, text::Table::Csv, out),
         Format::Las | Format::Laz => las::write_las(cloud, format == Format::Laz, out),
-        Format::Stl | Format::Pcd | Format::E57 => {
+        Format::Stl => stl::write_stl(cloud, out),
+        Format::Pcd => pcd::write_pcd(cloud, out),
+        Format::E57 => {
             Err(io::Error::new(io::ErrorKind::Unsupported, format!("{format} is read, not written")))
         }
         Format::Npy => {

@@ -126,7 +126,10 @@ fn nan_passes_through_every_format_with_fields() {
     let cloud =
         PointCloud::new(3, vec![1.0, f64::NAN, 3.0, 4.0, 5.0, f64::INFINITY], NonFinite::Drop).unwrap();
     let options = ReadOptions { policy: NonFinite::Drop, ..ReadOptions::default() };
-    for format in Format::WRITTEN.into_iter().filter(|format| !matches!(format, Format::Las | Format::Laz)) {
+    for format in Format::WRITTEN
+        .into_iter()
+        .filter(|format| !matches!(format, Format::Las | Format::Laz | Format::Stl))
+    {
         let mut bytes = Vec::new();
         write(&cloud, format, &mut bytes).unwrap();
         let back = read(&bytes, format, &options).unwrap();
@@ -167,6 +170,69 @@ fn names_that_a_spreadsheet_would_run_are_written_behind_an_apostrophe() {
     assert_eq!(read(&bytes, Format::Csv, &ReadOptions::default()).unwrap().fields(), cloud.fields());
     let header = csv_header(&["=cmd".to_owned()]);
     assert_eq!(header, b"'=cmd\n");
+}
+
+#[test]
+fn a_pcd_comes_back_with_types_colors_and_normals() {
+    let field = |name: &str, kind, values: [f64; 2]| ScalarField {
+        name: name.to_owned(),
+        kind,
+        values: values.to_vec(),
+    };
+    for (points, kind) in [
+        ([0.5, 1.0, 2.0, f64::NAN, 4.0, 5.0], ScalarType::Float32),
+        ([5e6 + 0.001, 1.0, 2.0, 3.0, 4.0, 5.0], ScalarType::Float64),
+    ] {
+        let cloud = PointCloud::new(3, points.to_vec(), NonFinite::Drop).unwrap().with_coordinate_type(kind);
+        let fields = vec![
+            field("red", ScalarType::Uint8, [255.0, 0.0]),
+            field("green", ScalarType::Uint8, [1.0, 2.0]),
+            field("blue", ScalarType::Uint8, [3.0, 4.0]),
+            field("nx", ScalarType::Float32, [0.5, f64::NAN]),
+            field("ring", ScalarType::Uint16, [65_535.0, 7.0]),
+            field("stamp", ScalarType::Float64, [1e9 + 0.125, 0.1]),
+        ];
+        let cloud = cloud.with_fields(fields).unwrap();
+        let mut bytes = Vec::new();
+        write(&cloud, Format::Pcd, &mut bytes).unwrap();
+        assert_eq!(Format::sniff(&bytes), Some(Format::Pcd));
+        let options = ReadOptions { policy: NonFinite::Drop, ..ReadOptions::default() };
+        let back = read(&bytes, Format::Pcd, &options).unwrap();
+        assert_eq!(format!("{back:?}"), format!("{cloud:?}"));
+    }
+}
+
+#[test]
+fn an_stl_has_the_triangles_in_binary_or_where_floats_are_too_coarse_in_text() {
+    for offset in [0.0, 5e6] {
+        let points: Vec<f64> =
+            [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.25].map(|x| x + offset).to_vec();
+        let cloud = PointCloud::new(3, points, NonFinite::Reject).unwrap();
+        let error = write(&cloud, Format::Stl, &mut Vec::new()).unwrap_err();
+        assert_eq!(error.to_string(), "STL holds triangles; this cloud has none");
+        let cloud = cloud.with_faces(vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        let mut bytes = Vec::new();
+        write(&cloud, Format::Stl, &mut bytes).unwrap();
+        assert_eq!(bytes.starts_with(b"solid"), offset > 0.0);
+        let back = read(&bytes, Format::Stl, &ReadOptions::default()).unwrap();
+        assert_eq!((back.coordinates(), back.faces()), (cloud.coordinates(), cloud.faces()));
+    }
+}
+
+#[test]
+fn polygons_are_written_as_they_came() {
+    let text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nf 1 2 3\n";
+    let cloud = read(text, Format::Obj, &ReadOptions::default()).unwrap();
+    for format in [Format::Obj, Format::Off] {
+        let mut bytes = Vec::new();
+        write(&cloud, format, &mut bytes).unwrap();
+        let back = read(&bytes, format, &ReadOptions::default()).unwrap();
+        assert_eq!((back.faces(), back.continued()), (cloud.faces(), &[1][..]), "{format}");
+        let in_four = PointCloud::new(4, vec![0.0; 4], NonFinite::Reject).unwrap();
+        assert!(
+            write(&in_four, format, &mut Vec::new()).unwrap_err().to_string().contains("these points have 4")
+        );
+    }
 }
 
 #[test]

@@ -78,17 +78,39 @@ pub fn csv_lines(columns: &[Column<'_>], rows: std::ops::Range<usize>) -> Vec<u8
 }
 
 pub(super) fn write_obj(cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
+    in_space(cloud, "OBJ")?;
     rows(cloud, out, |row, text| {
         text.extend_from_slice(b"v ");
         push_point(cloud.point(row), text);
     })?;
-    cloud.faces().iter().try_for_each(|[a, b, c]| writeln!(out, "f {} {} {}", a + 1, b + 1, c + 1))
+    cloud.polygons().try_for_each(|fan| {
+        let corners: Vec<String> = corners(fan).map(|corner| (corner + 1).to_string()).collect();
+        writeln!(out, "f {}", corners.join(" "))
+    })
 }
 
 pub(super) fn write_off(cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
-    writeln!(out, "OFF\n{} {} 0", cloud.len(), cloud.faces().len())?;
+    in_space(cloud, "OFF")?;
+    writeln!(out, "OFF\n{} {} 0", cloud.len(), cloud.polygons().count())?;
     rows(cloud, out, |row, text| push_point(cloud.point(row), text))?;
-    cloud.faces().iter().try_for_each(|[a, b, c]| writeln!(out, "3 {a} {b} {c}"))
+    cloud.polygons().try_for_each(|fan| {
+        let corners: Vec<String> = corners(fan).map(|corner| corner.to_string()).collect();
+        writeln!(out, "{} {}", corners.len(), corners.join(" "))
+    })
+}
+
+/// Corners of the polygon that a fan of triangles is.
+fn corners(fan: &[[u32; 3]]) -> impl Iterator<Item = u32> {
+    let first = fan.first().copied().unwrap_or_default();
+    first.into_iter().chain(fan.iter().skip(1).map(|triangle| triangle[2]))
+}
+
+fn in_space(cloud: &PointCloud, format: &str) -> io::Result<()> {
+    if cloud.dimension() <= 3 {
+        return Ok(());
+    }
+    let message = format!("{format} has three coordinates; these points have {}", cloud.dimension());
+    Err(io::Error::new(io::ErrorKind::Unsupported, message))
 }
 
 /// Three coordinates.
