@@ -7,6 +7,7 @@ mod memory;
 mod parameters;
 mod report;
 mod result;
+mod unit;
 
 pub use error::AnalysisError;
 pub use laplacian::Laplacian;
@@ -37,6 +38,7 @@ use crate::spectrum::{Eigenbasis, Problem, Request, Spectrum, Weyl, certificates
 pub fn admit(cloud: &PointCloud, parameters: &Parameters) -> Result<usize, AnalysisError> {
     parameters.check()?;
     let points = Points::prepare(cloud, parameters.dimension)?;
+    parameters.check_extent(points.extent())?;
     check_bases(parameters, points.len())?;
     triangles(cloud, &points, parameters)?;
     Ok(points.duplicates())
@@ -107,6 +109,9 @@ pub fn analyze(
     parameters.check()?;
     progress.enter(Phase::Preparation)?;
     let points = Points::prepare(cloud, parameters.dimension)?;
+    parameters.check_extent(points.extent())?;
+    let points = points.normalized();
+    let parameters = &parameters.in_units(points.unit());
     let triangles = triangles(cloud, &points, parameters)?;
 
     progress.enter(Phase::Neighborhoods)?;
@@ -188,7 +193,7 @@ pub fn analyze(
             (None, Some(eigenbasis))
         }
     };
-    Ok(Analysis { report, points, place, mass, stiffness, eigenbasis })
+    Ok(Analysis { report, points, place, mass, stiffness, eigenbasis }.in_unit_of_cloud())
 }
 
 /// Solves the eigenproblem and writes what was found into the report.

@@ -173,8 +173,9 @@ fn check_coupling(points: &Points, tree: &SearchTree, delta: f64, reach: f64) ->
         return Err(AnalysisError::Parameter {
             name: "delta",
             reason: format!(
-                "the cut-off radius {delta:.4e} couples {mean} neighbours per point; at most {COUPLED_MAX} are coupled in a \
-                 cloud of this size: choose a smaller `delta` or `t`"
+                "the cut-off radius {:.4e} couples {mean} neighbours per point; at most {COUPLED_MAX} are coupled in a \
+                 cloud of this size: choose a smaller `delta` or `t`",
+                delta * points.unit()
             ),
         });
     }

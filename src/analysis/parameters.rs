@@ -61,6 +61,12 @@ pub struct Parameters {
     pub heat_correction: Option<bool>,
 }
 
+/// Where a Gaussian is cut at the latest: `exp(−600)` is near the smallest number there is.
+const EXPONENT_MAX: f64 = 600.0;
+
+/// Largest factor of a length: beyond it a kernel is flat over any cloud that can be analysed.
+const FACTOR_MAX: f64 = 1e6;
+
 impl Default for Parameters {
     fn default() -> Self {
         Self {
@@ -116,6 +122,11 @@ impl Parameters {
         for (name, value) in lengths {
             if value.is_some_and(|x| !(x > 0.0 && x.is_finite())) {
                 return refuse(name, "must be a positive number");
+            }
+        }
+        for (name, value) in [("t_factor", self.t_factor), ("delta_factor", self.delta_factor)] {
+            if value.is_some_and(|x| x > FACTOR_MAX) {
+                return refuse(name, "must be at most 1,000,000");
             }
         }
         if self.t.is_some() && self.t_factor.is_some() {
@@ -176,6 +187,7 @@ impl Parameters {
             _ => pb_mhb::DELTA_FACTOR,
         };
         let delta = self.delta.unwrap_or_else(|| self.delta_factor.unwrap_or(factor) * (2.0 * t).sqrt());
+        let delta = delta.min((4.0 * EXPONENT_MAX * t).sqrt());
         HeatKernel { t, delta, truncation_compensation, dimension: self.dimension }
     }
 

@@ -68,6 +68,11 @@ pub(super) struct Cell {
     pub(super) conductance: Vec<(u32, f64)>,
 }
 
+impl Cell {
+    /// A cell that cannot be measured.
+    const INVALID: Self = Self { volume: 0.0, radius: 0.0, kind: CellKind::Invalid, conductance: Vec::new() };
+}
+
 /// Measures the cells of all points in their tangent spaces.
 ///
 /// # Errors
@@ -129,10 +134,14 @@ fn cells_in<const K: usize, P: Polytope<K>>(
             .into_par_iter()
             .with_min_len(256)
             .map_init(clipper, |clipper, i| {
+                if progress.is_canceled() {
+                    return Cell::INVALID;
+                }
                 clipper.clip::<K>(i, nearest.of(i));
                 measure::<K>(clipper.corners(), options.clip_rims)
             })
             .collect();
+        progress.checkpoint()?;
         all.extend(batch);
     }
     Ok(all)

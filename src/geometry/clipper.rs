@@ -12,6 +12,10 @@ pub(super) const SPACING_NEIGHBORS: usize = 16;
 /// one in 10⁸ is (the chance of an empty circumcircle of radius r at density ρ is `(1+πρr²)·exp(−πρr²)`).
 const CORNER_RADIUS_MAX: f64 = 2.5;
 
+/// Neighbours after which a cell is left as it is: on a manifold a hundred reach across the starting box, so that more
+/// lie around points that fill more dimensions.
+const CANDIDATES_MAX: usize = 2_000;
+
 /// How neighbours are seen from a point's tangent space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct View {
@@ -56,11 +60,13 @@ impl<P> Clipper<'_, P> {
 
         let mut closed = self.clip_by::<K>(i, nearest.iter().copied());
         let mut count = nearest.len();
-        while !closed && count < self.points.len() - 1 {
+        let most = CANDIDATES_MAX.min(self.points.len() - 1);
+        while !closed && count < most {
             let seen = count;
-            count *= 2;
+            count = most.min(2 * count);
             let mut candidates = std::mem::take(&mut self.candidates);
             self.tree.nearest(self.points, i, count, &mut candidates);
+            // the longer list begins with the shorter one
             closed = self.clip_by::<K>(i, candidates[seen..].iter().map(|q| q.index));
             self.candidates = candidates;
         }

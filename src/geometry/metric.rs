@@ -18,6 +18,31 @@ impl TriangleMetric {
         }))
     }
 
+    /// The same with an area that is accurate for needles too: from sides alone, rounding gives a triangle without area
+    /// about 1e-8 of its longest squared side.
+    #[must_use]
+    pub fn accurate(points: &Points, corners: [u32; 3]) -> Self {
+        let mut triangle = Self::of(points, corners);
+        let squared = triangle.squared;
+        let longest = (0..3).max_by(|&a, &b| squared[a].total_cmp(&squared[b])).unwrap_or(0);
+        let (a, b) = (corners[(longest + 1) % 3], corners[(longest + 2) % 3]);
+        // from one end, whatever the order of the corners
+        let (a, b, c) = (points.point(a.min(b) as usize), points.point(a.max(b) as usize), corners[longest]);
+        let c = points.point(c as usize);
+        let base = squared[longest];
+        let along = a.iter().zip(b).zip(c).map(|((a, b), c)| (b - a) * (c - a)).sum::<f64>() / base;
+        let height: f64 =
+            a.iter().zip(b).zip(c).map(|((a, b), c)| c - a - along * (b - a)).map(|x| x * x).sum();
+        triangle.area = if base > 0.0 { 0.5 * (base * height).sqrt() } else { 0.0 };
+        triangle
+    }
+
+    /// Squared sides opposite to corners 0, 1 and 2, in length².
+    #[must_use]
+    pub fn squared_sides(&self) -> [f64; 3] {
+        self.squared
+    }
+
     /// The triangle with these squared sides.
     #[must_use]
     pub fn from_squared_sides(squared: [f64; 3]) -> Self {

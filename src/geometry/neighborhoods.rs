@@ -13,6 +13,9 @@ use crate::progress::Progress;
 /// Points handled between two looks at the progress.
 const BATCH: usize = 16_384;
 
+/// Relative difference up to which the tree's rounding may order two squared distances either way.
+const TIE: f64 = 1e-12;
+
 /// A k-d tree over [`Points`].
 ///
 /// The tree's dimension is fixed at compile time; points of other dimensions are padded with zeros, which leaves all
@@ -86,13 +89,25 @@ impl SearchTree {
         })
     }
 
-    /// The `count` points nearest to point `i`, itself left out, nearest first.
+    /// The `count` points nearest to point `i`, itself left out, nearest first; of points at equal distances the first
+    /// by index, so that a longer list begins with the shorter one.
     pub fn nearest(&self, points: &Points, i: usize, count: usize, out: &mut Vec<Neighbor>) {
         out.clear();
-        // one more for the point itself
-        let wanted = NonZeroUsize::MIN.saturating_add(count.min(points.len() - 1));
+        let count = count.min(points.len() - 1);
+        // one more for the point itself, and one beyond the last
+        let wanted = NonZeroUsize::MIN.saturating_add((count + 1).min(points.len() - 1));
         dispatch!(&self.0, nearest(points.point(i), wanted, out));
         finish(points, i, out);
+        if let Some(beyond) = out.get(count)
+            && let Some(last) = count.checked_sub(1).map(|last| out[last])
+            && beyond.squared_distance <= last.squared_distance * (1.0 + TIE)
+        {
+            // the tree cuts a tie where its layout does
+            out.clear();
+            let reach = last.squared_distance * (1.0 + 2.0 * TIE);
+            dispatch!(&self.0, within(points.point(i), reach, out));
+            finish(points, i, out);
+        }
         out.truncate(count);
     }
 

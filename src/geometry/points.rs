@@ -78,8 +78,9 @@ pub const POINTS_MIN: usize = 5;
 #[derive(Debug, Clone)]
 pub struct Points {
     dimension: usize,
-    /// Row-major, `len × dimension`, in the upload's unit of length.
+    /// Row-major, `len × dimension`, in `unit`s of the upload's unit of length.
     coordinates: Vec<f64>,
+    unit: f64,
     /// For every row of the upload the point that stands for it, or [`NO_POINT`].
     point_of_row: Vec<u32>,
     /// The row that is a point's first occurrence.
@@ -141,7 +142,7 @@ impl Points {
             point_of_row[row as usize] = row_of_point.len() as u32 - 1;
         }
         let duplicates = order.len() - row_of_point.len();
-        let points = Self { dimension: d, coordinates, point_of_row, row_of_point, duplicates };
+        let points = Self { dimension: d, coordinates, unit: 1.0, point_of_row, row_of_point, duplicates };
         if points.len() < POINTS_MIN {
             return Err(GeometryError::TooFewPoints { distinct: points.len(), rows, needed: POINTS_MIN });
         }
@@ -150,6 +151,38 @@ impl Points {
             return Err(GeometryError::Flat { spanned, needed: intrinsic });
         }
         Ok(points)
+    }
+
+    /// The same points in another unit of length, the power of two for which their extent is at least 1 and less than 2:
+    /// thresholds and dense eigensolvers then see the same numbers whatever the cloud's unit is.
+    #[must_use]
+    pub fn normalized(mut self) -> Self {
+        let extent = self.extent();
+        if extent > 0.0 {
+            let unit = 2.0_f64.powi(extent.log2().floor() as i32);
+            self.coordinates.iter_mut().for_each(|x| *x /= unit);
+            self.unit *= unit;
+        }
+        self
+    }
+
+    /// What a length of 1 between these points is in the upload's unit of length.
+    #[must_use]
+    pub fn unit(&self) -> f64 {
+        self.unit
+    }
+
+    /// Longest side of the bounding box.
+    #[must_use]
+    pub fn extent(&self) -> f64 {
+        (0..self.dimension)
+            .map(|axis| {
+                let along = (0..self.len()).map(|i| self.point(i)[axis]);
+                let (low, high) = along
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+                high - low
+            })
+            .fold(0.0, f64::max)
     }
 
     /// Number of dimensions, at most `enough`, that the points span: farthest points first, until no point is farther
@@ -321,6 +354,20 @@ mod tests {
         assert!(Points::prepare(&cloud(bent.clone()), 2).is_ok());
         let error = Points::prepare(&cloud(bent), 3).unwrap_err();
         assert!(error.to_string().starts_with("all points lie on a plane"), "{error}");
+    }
+
+    #[test]
+    fn normalized_points_are_the_same_in_every_unit() {
+        let rows: Vec<f64> = (0..60).map(|i| f64::from(i * i % 17) + 0.1 * f64::from(i)).collect();
+        let one = Points::prepare(&cloud(rows.clone()), 2).unwrap().normalized();
+        assert!((1.0..2.0).contains(&one.extent()));
+        for exponent in [-200, -3, 90] {
+            let scale = 2.0_f64.powi(exponent);
+            let scaled = cloud(rows.iter().map(|x| scale * x).collect());
+            let other = Points::prepare(&scaled, 2).unwrap().normalized();
+            assert_eq!(other.coordinates(), one.coordinates());
+            assert!((other.unit() / one.unit()).to_bits() == scale.to_bits());
+        }
     }
 
     #[test]

@@ -64,10 +64,14 @@ impl Stars {
                 .into_par_iter()
                 .with_min_len(256)
                 .map_init(clipper, |clipper, i| {
+                    if progress.is_canceled() {
+                        return Vec::new();
+                    }
                     clipper.clip::<2>(i, nearest.of(i));
                     spokes(clipper)
                 })
                 .collect();
+            progress.checkpoint()?;
             for spokes in batch {
                 stars.push(&spokes);
             }
@@ -86,6 +90,11 @@ impl Stars {
     }
 
     fn push(&mut self, spokes: &[Spoke]) {
+        debug_assert!(
+            (1..spokes.len())
+                .all(|k| spokes[..k].iter().all(|earlier| earlier.neighbor != spokes[k].neighbor)),
+            "a neighbor twice in a star: {spokes:?}"
+        );
         self.spokes.extend_from_slice(spokes);
         self.offsets.push(self.spokes.len());
     }

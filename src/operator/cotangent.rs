@@ -2,8 +2,7 @@
 //! works in any ambient dimension.
 
 use super::{LaplaceBeltrami, Sparse};
-use crate::geometry::Points;
-use crate::geometry::triangles::{Triangles, area};
+use crate::geometry::{Points, TriangleMetric, Triangles};
 use crate::progress::{Canceled, Progress};
 
 /// Assembles the operator: stiffness `−½(cot α + cot β)` per edge (positive off-diagonals where angles are obtuse,
@@ -28,10 +27,10 @@ pub fn stiffness(points: &Points, triangles: &Triangles, progress: &Progress) ->
     let n = points.len();
     let mut rows: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
     for corners in triangles.iter() {
-        let cotangents = cotangents(points, corners);
+        let triangle = TriangleMetric::accurate(points, corners);
         for corner in 0..3 {
             let (i, j) = (corners[(corner + 1) % 3], corners[(corner + 2) % 3]);
-            let half = 0.5 * cotangents[corner];
+            let half = 0.5 * triangle.cotangent(corner);
             rows[i as usize].push((j, half));
             rows[j as usize].push((i, half));
         }
@@ -40,54 +39,20 @@ pub fn stiffness(points: &Points, triangles: &Triangles, progress: &Progress) ->
         n,
         || (),
         |i, (), row| {
+            // both triangles at an edge name it; the assembly adds them up
             row.extend_from_slice(&rows[i]);
-            row.sort_by_key(|&(j, _)| j);
-            row.dedup_by(|later, sum| {
-                let same = later.0 == sum.0;
-                if same {
-                    sum.1 += later.1;
-                }
-                same
-            });
         },
         |done| progress.advance(done as f64 / n as f64),
     )
 }
 
-/// Cotangents of the angles at the three corners.
-fn cotangents(points: &Points, corners: [u32; 3]) -> [f64; 3] {
-    let squared = squared_sides(points, corners);
-    let quadruple_area = 4.0 * area_of_sides(squared);
-    std::array::from_fn(|i| (squared[(i + 1) % 3] + squared[(i + 2) % 3] - squared[i]) / quadruple_area)
-}
-
-/// Squared lengths of the sides opposite to the corners.
-fn squared_sides(points: &Points, corners: [u32; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| {
-        points.squared_distance(corners[(i + 1) % 3] as usize, corners[(i + 2) % 3] as usize)
-    })
-}
-
-/// `16 A² = 4a²b² − (a² + b² − c²)²`.
-fn area_of_sides([a, b, c]: [f64; 3]) -> f64 {
-    0.25 * (4.0 * a * b - (a + b - c) * (a + b - c)).max(0.0).sqrt()
-}
-
-/// Voronoi areas inside triangles without an obtuse angle; half of an obtuse triangle goes to its obtuse corner and a
-/// quarter to each other (Meyer et al. 2003, §3.3).
+/// Mixed Voronoi areas (Meyer et al. 2003, §3.3).
 fn mixed_areas(points: &Points, triangles: &Triangles) -> Vec<f64> {
     let mut mass = vec![0.0; points.len()];
     for corners in triangles.iter() {
-        let (squared, cotangents) = (squared_sides(points, corners), cotangents(points, corners));
-        let area = area(points, corners);
-        let obtuse = cotangents.iter().position(|&cotangent| cotangent < 0.0);
+        let triangle = TriangleMetric::accurate(points, corners);
         for (i, &corner) in corners.iter().enumerate() {
-            let (next, last) = ((i + 1) % 3, (i + 2) % 3);
-            mass[corner as usize] += match obtuse {
-                None => (squared[next] * cotangents[next] + squared[last] * cotangents[last]) / 8.0,
-                Some(other) if other == i => area / 2.0,
-                Some(_) => area / 4.0,
-            };
+            mass[corner as usize] += triangle.mixed_area(i);
         }
     }
     mass

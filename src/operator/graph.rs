@@ -40,6 +40,9 @@ pub fn build(
         n,
         Vec::new,
         |i, neighbors, row| {
+            if progress.is_canceled() {
+                return;
+            }
             tree.within(points, i, delta, neighbors);
             row.extend(neighbors.iter().map(|q| (q.index, 1.0)));
         },
@@ -99,6 +102,9 @@ pub fn weighted(
         n,
         Vec::new,
         |i, neighbors, row| {
+            if progress.is_canceled() {
+                return;
+            }
             tree.within(points, i, kernel.delta, neighbors);
             let before = neighbors.partition_point(|q| (q.index as usize) < i);
             row.extend(neighbors.iter().map(|q| (q.index, (exponent * q.squared_distance).exp())));

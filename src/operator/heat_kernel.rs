@@ -92,7 +92,7 @@ pub fn stiffness(
         n,
         Vec::new,
         |i, neighbors, row| {
-            if weights[i] == 0.0 {
+            if weights[i] == 0.0 || progress.is_canceled() {
                 return;
             }
             tree.within(points, i, kernel.delta, neighbors);

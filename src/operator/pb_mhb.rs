@@ -117,6 +117,9 @@ fn in_ball(
         n,
         Vec::new,
         |i, neighbors, row| {
+            if progress.is_canceled() {
+                return;
+            }
             tree.within(points, i, radius, neighbors);
             let coupled = neighbors.iter().filter(|q| couples(i, q.index as usize));
             row.extend(coupled.map(|q| (q.index, q.squared_distance)));

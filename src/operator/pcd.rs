@@ -122,7 +122,11 @@ fn negative_laplacian(
     Sparse::stiffness(
         n,
         Row::default,
-        |i, scratch, row| rows(scratch, points, tree, planes, options, i, row),
+        |i, scratch, row| {
+            if !progress.is_canceled() {
+                rows(scratch, points, tree, planes, options, i, row);
+            }
+        },
         |done| progress.advance(done as f64 / n as f64),
     )
 }

@@ -34,6 +34,7 @@ impl Sparse {
             scratch,
             |i, scratch, row| {
                 weights(i, scratch, row);
+                merge_repeated(row);
                 let diagonal: f64 = row.iter().map(|&(_, w)| w).sum();
                 for (_, w) in row.iter_mut() {
                     *w = -*w;
@@ -46,7 +47,8 @@ impl Sparse {
     }
 
     /// A matrix from its rows: `entries(i, scratch, row)` appends the entries of row `i`, the diagonal among them, by
-    /// ascending column.
+    /// ascending column. `rows_done` is called before every stretch of rows and at the end: an `entries` that gives up
+    /// because of what `rows_done` will say leaves no matrix behind.
     ///
     /// # Errors
     /// Those of `rows_done`.
@@ -87,6 +89,7 @@ impl Sparse {
                 matrix.values.extend_from_slice(&values);
             }
         }
+        rows_done(n)?;
         matrix.columns.shrink_to_fit();
         matrix.values.shrink_to_fit();
         Ok(matrix)
@@ -149,6 +152,11 @@ impl Sparse {
         for (i, d) in diagonal.iter().enumerate() {
             self.values[self.offsets[i]..self.offsets[i + 1]].iter_mut().for_each(|x| *x *= d);
         }
+    }
+
+    /// Multiplies all values by `factor`.
+    pub fn scale(&mut self, factor: f64) {
+        self.values.iter_mut().for_each(|x| *x *= factor);
     }
 
     /// Replaces the values, row by row: `rewrite(i, columns, values)`.
@@ -238,6 +246,21 @@ impl Sparse {
     }
 }
 
+/// Sorts the entries of a row by column and adds up those of the same column: solvers rely on every column occurring once.
+fn merge_repeated(row: &mut Vec<(u32, f64)>) {
+    if row.is_sorted_by(|a, b| a.0 < b.0) {
+        return;
+    }
+    row.sort_by_key(|&(column, _)| column);
+    row.dedup_by(|later, sum| {
+        let same = later.0 == sum.0;
+        if same {
+            sum.1 += later.1;
+        }
+        same
+    });
+}
+
 /// Rows `rows`: their lengths, columns and values.
 fn assemble(
     rows: std::ops::Range<usize>,
@@ -248,6 +271,7 @@ fn assemble(
     for i in rows {
         row.clear();
         entries(i, row);
+        merge_repeated(row);
         columns.extend(row.iter().map(|&(j, _)| j));
         values.extend(row.iter().map(|&(_, value)| value));
         lengths.push(row.len());
@@ -282,6 +306,17 @@ mod tests {
             columns.iter().zip(values).for_each(|(&j, x)| *x += 10.0 * i as f64 + 100.0 * f64::from(j));
         });
         assert_eq!(skew, matrix(&[&[(0, 1.0), (1, 104.0)], &[], &[(0, 28.0), (2, 223.0)]]));
+    }
+
+    #[test]
+    fn entries_of_one_column_are_added_up_and_columns_sorted() {
+        let repeated = matrix(&[&[(1, 4.0), (0, 1.0), (1, 0.5)], &[(1, 2.0)]]);
+        assert_eq!(repeated, matrix(&[&[(0, 1.0), (1, 4.5)], &[(1, 2.0)]]));
+        let weights = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| {
+            row.extend([(1 - i as u32, 1.0), (1 - i as u32, 2.0)]);
+        };
+        let stiffness = Sparse::stiffness(2, || (), weights, |_| Ok::<(), ()>(())).unwrap();
+        assert_eq!(stiffness, matrix(&[&[(0, 3.0), (1, -3.0)], &[(0, -3.0), (1, 3.0)]]));
     }
 
     #[test]

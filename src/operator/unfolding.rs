@@ -65,6 +65,9 @@ impl<'a> Atlas<'a> {
             n,
             Walk::default,
             |i, walk, row| {
+                if progress.is_canceled() {
+                    return;
+                }
                 walk.from(self, i, radius);
                 row.extend(walk.nodes.iter().map(|node| (node.point, node.distance)));
                 row.sort_unstable_by_key(|&(j, _)| j);

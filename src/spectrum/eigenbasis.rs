@@ -46,6 +46,11 @@ impl Eigenbasis {
         Self { bases }
     }
 
+    /// Multiplies all bases by `factor`.
+    pub fn scale(&mut self, factor: f64) {
+        self.bases.par_iter_mut().for_each(|basis| basis.iter_mut().for_each(|h| *h *= factor));
+    }
+
     /// Number of bases.
     #[must_use]
     #[allow(clippy::len_without_is_empty)] // never empty

@@ -14,6 +14,22 @@ struct Vertex {
 pub struct Polygon {
     vertices: Vec<Vertex>,
     next: Vec<Vertex>,
+    /// How far each corner is beyond the bisector, times the distance of its site.
+    beyond: Vec<f64>,
+}
+
+/// First corner and number of corners beyond a line, around the farthest: of a convex polygon one arc, which signs alone
+/// do not make where rounding scatters corners about the line. `None` when no corner or every one is beyond.
+fn arc(beyond: &[f64]) -> Option<(usize, usize)> {
+    let count = beyond.len();
+    let farthest = (0..count).max_by(|&a, &b| beyond[a].total_cmp(&beyond[b]))?;
+    if beyond[farthest] <= 0.0 {
+        return None;
+    }
+    let before = (1..count).take_while(|k| beyond[(farthest + count - k) % count] > 0.0).count();
+    let after = (1..count - before).take_while(|k| beyond[(farthest + k) % count] > 0.0).count();
+    let length = 1 + before + after;
+    (length < count).then_some(((farthest + count - before) % count, length))
 }
 
 impl Polytope<2> for Polygon {
@@ -33,22 +49,23 @@ impl Polytope<2> for Polygon {
 
     fn clip(&mut self, site: Site<2>) {
         let half_square = 0.5 * dot(&site.at, &site.at);
-        let beyond = |vertex: &Vertex| dot(&vertex.at, &site.at) - half_square;
-        if half_square == 0.0 || self.vertices.iter().all(|vertex| beyond(vertex) <= 0.0) {
-            return;
-        }
+        self.beyond.clear();
+        self.beyond.extend(self.vertices.iter().map(|vertex| dot(&vertex.at, &site.at) - half_square));
+        let Some((first, length)) = arc(&self.beyond).filter(|_| half_square > 0.0) else { return };
+        let count = self.vertices.len();
+        let is_beyond = |k: usize| (k + count - first) % count < length;
         self.next.clear();
         for (k, vertex) in self.vertices.iter().enumerate() {
-            let following = &self.vertices[(k + 1) % self.vertices.len()];
-            let (here, there) = (beyond(vertex), beyond(following));
-            if here <= 0.0 {
+            let after = (k + 1) % count;
+            if !is_beyond(k) {
                 self.next.push(*vertex);
             }
-            if (here <= 0.0) != (there <= 0.0) {
-                let share = here / (here - there);
+            if is_beyond(k) != is_beyond(after) {
+                let share = self.beyond[k] / (self.beyond[k] - self.beyond[after]);
+                let following = &self.vertices[after];
                 let at = std::array::from_fn(|a| vertex.at[a] + share * (following.at[a] - vertex.at[a]));
                 // leaving the half-plane the new edge begins, entering it the old one goes on
-                let edge = if here <= 0.0 { site } else { vertex.edge };
+                let edge = if is_beyond(after) { site } else { vertex.edge };
                 self.next.push(Vertex { at, edge });
             }
         }
@@ -70,6 +87,8 @@ impl Polytope<2> for Polygon {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
 
     #[test]
@@ -79,5 +98,37 @@ mod tests {
         let before: Vec<_> = polygon.corners().collect();
         polygon.clip(Site { at: [2.0 * 2.0_f64.sqrt() + 1e-9, 0.0], neighbor: 0 });
         assert_eq!(polygon.corners().collect::<Vec<_>>(), before);
+    }
+
+    #[test]
+    fn the_corners_beyond_a_line_are_one_arc_around_the_farthest() {
+        assert_eq!(arc(&[-1.0, 2.0, 1.0, -1.0]), Some((1, 2)));
+        assert_eq!(arc(&[3.0, -1.0, -1.0, 2.0]), Some((3, 2)));
+        // 1e-17 on the other side is rounding
+        assert_eq!(arc(&[-1.0, 1e-17, -1.0, 2.0, -1.0]), Some((3, 1)));
+        assert_eq!(arc(&[-1.0, 0.0]), None);
+        assert_eq!(arc(&[1.0, 2.0, 1.0]), None);
+    }
+
+    #[test]
+    fn every_neighbour_has_one_edge_where_many_bisectors_meet_in_a_point() {
+        // sites on a circle through the origin: all bisectors pass through its center
+        for count in [5_u32, 12, 40] {
+            for turn in 0..50 {
+                let mut polygon = Polygon::default();
+                polygon.reset(4.0);
+                for neighbor in 0..count {
+                    let angle = f64::from(neighbor * 50 + turn + 1) / f64::from(count * 50 + 51) * TAU;
+                    let at = [angle.cos() - 1.0, angle.sin()];
+                    polygon.clip(Site { at, neighbor });
+                }
+                let mut edges: Vec<u32> = polygon.corners().map(|corner| corner.sites[1].neighbor).collect();
+                edges.retain(|&edge| edge != BOX);
+                let all = edges.len();
+                edges.sort_unstable();
+                edges.dedup();
+                assert_eq!(edges.len(), all, "{count} {turn}");
+            }
+        }
     }
 }
