@@ -2,14 +2,17 @@
 
 mod assembly;
 mod error;
+mod fidelity;
 mod laplacian;
 mod memory;
+mod neighborhoods;
 mod parameters;
 mod report;
 mod result;
 mod unit;
 
 pub use error::AnalysisError;
+pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;
 pub use memory::memory_estimate;
 pub use parameters::{Additions, JobKind, Parameters};
@@ -17,14 +20,14 @@ pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 
 use assembly::{Assembled, Surface, assemble};
+use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
 
 use crate::cloud::PointCloud;
 use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
-use crate::geometry::{
-    Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles, cells, components, frames,
-};
+use crate::geometry::survey::{Rules, Survey};
+use crate::geometry::{Frames, Points, Sampling, Triangles, cells, components, frames};
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::dense::{DENSE_POINTS_MAX, DENSE_POINTS_MAX_GENERAL};
@@ -86,9 +89,6 @@ fn check_bases(parameters: &Parameters, points: usize) -> Result<(), AnalysisErr
     Ok(())
 }
 
-/// Nearest neighbours looked up for every point: planes from all of them, most cells from the first ten.
-const NEIGHBORS: usize = 20;
-
 /// Components of fewer points carry no result.
 const COMPONENT_MIN: usize = POINTS_MIN;
 
@@ -106,6 +106,20 @@ pub fn analyze(
     parameters: &Parameters,
     progress: &Progress,
 ) -> Result<Analysis, AnalysisError> {
+    analyze_by(Rules::default(), cloud, kind, parameters, progress)
+}
+
+/// The same, by some of the rules only: to measure what each is worth.
+///
+/// # Errors
+/// [`AnalysisError`].
+pub fn analyze_by(
+    rules: Rules,
+    cloud: &PointCloud,
+    kind: JobKind,
+    parameters: &Parameters,
+    progress: &Progress,
+) -> Result<Analysis, AnalysisError> {
     parameters.check()?;
     progress.enter(Phase::Preparation)?;
     let points = Points::prepare(cloud, parameters.dimension)?;
@@ -115,8 +129,8 @@ pub fn analyze(
     let triangles = triangles(cloud, &points, parameters)?;
 
     progress.enter(Phase::Neighborhoods)?;
-    let tree = SearchTree::new(&points);
-    let nearest = NearestNeighbors::find(&tree, &points, NEIGHBORS, progress)?;
+    let Neighborhoods { points, tree, nearest, merged, noise } =
+        Neighborhoods::find(points, parameters, rules, progress)?;
     let frames = frames(&points, &nearest, parameters.dimension, progress)?;
     let mut warnings = warnings_of_dimension(&frames);
     let dimension_estimate = frames.dimension_estimate();
@@ -128,15 +142,17 @@ pub fn analyze(
         clip_rims: additions.isometric_cells,
         sheet_aware: additions.sheet_aware,
     };
-    let (frames, stars) = if additions.isometric_cells && parameters.dimension == 2 {
-        let frames = frames.among_creases(&points, &nearest);
-        let stars = Stars::find(&points, &tree, &nearest, &frames, additions.sheet_aware, progress)?;
-        progress.checkpoint()?;
-        (frames, Some(stars.with_open_gaps(&points, &nearest)))
+    let (frames, surveyed) = if additions.isometric_cells && parameters.dimension == 2 {
+        let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules };
+        let surveyed = survey.triangulate(frames, additions.sheet_aware, progress)?;
+        (surveyed.frames.clone(), Some(surveyed))
     } else {
         (frames, None)
     };
-    let cells = match &stars {
+    let fidelity = surveyed.as_ref().map(|surveyed| Fidelity::of(surveyed, noise, merged, parameters));
+    warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
+    let stars = surveyed.as_ref().map(|surveyed| &surveyed.stars);
+    let cells = match stars {
         Some(stars) => stars.cells(&points),
         None => cells(&points, &tree, &nearest, &frames, options, progress)?,
     };
@@ -150,13 +166,14 @@ pub fn analyze(
         tree: &tree,
         nearest: &nearest,
         cells: &cells,
-        stars: stars.as_ref(),
+        stars,
+        orientation: surveyed.as_ref().map(|surveyed| &surveyed.orientation),
         sampling: &sampling,
         triangles: &triangles,
     };
     warnings.splice(0..0, cloud.notes().iter().cloned());
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
-    drop((tree, nearest, cells, stars, triangles));
+    drop((tree, nearest, cells, surveyed, triangles));
     progress.checkpoint()?;
     let (Assembled { laplacian, narrow }, place) = without_small_components(assembled, &warnings)?;
     let used = laplacian.mass.len();
@@ -177,6 +194,7 @@ pub fn analyze(
         nonzeros: laplacian.stiffness.nonzeros(),
         neighbors: laplacian.stiffness.nonzeros() as f64 / used as f64 - 1.0,
         warnings,
+        fidelity,
         spectrum: None,
     };
     report.warn_of_sampling();

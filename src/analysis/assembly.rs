@@ -1,6 +1,7 @@
 //! The stage that turns a measured cloud into an operator.
 
 use super::{AnalysisError, Parameters};
+use crate::geometry::orientation::Orientation;
 use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
 use crate::operator::pb_mhb::Coupling;
 use crate::operator::pcd::Planes;
@@ -29,6 +30,8 @@ pub(super) struct Surface<'a> {
     pub(super) cells: &'a Cells,
     /// The triangles around every point, where the cells were made of them.
     pub(super) stars: Option<&'a Stars>,
+    /// Sides of the frames, where they are known.
+    pub(super) orientation: Option<&'a Orientation>,
     pub(super) sampling: &'a Sampling,
     pub(super) triangles: &'a Triangles,
 }
@@ -74,12 +77,12 @@ pub(super) fn assemble(
         }
         OperatorKind::Pcd => {
             let options = parameters.pcd_options(kernel()?);
-            let planes = planes(frames, cells, &walls, parameters, warnings);
+            let planes = planes(surface, frames, &walls, parameters, warnings);
             (pcd::build(points, tree, &planes, volumes(), &options, progress)?, Some(walls))
         }
         OperatorKind::PcdSymmetrized => {
             let options = parameters.pcd_options(kernel()?);
-            let planes = planes(frames, cells, &walls, parameters, warnings);
+            let planes = planes(surface, frames, &walls, parameters, warnings);
             let laplacian = pcd::build_symmetrized(points, tree, &planes, &options, progress)?;
             (laplacian, Some(scaled(walls, |i| 1.0 / cells.volume[i].sqrt())))
         }
@@ -100,8 +103,11 @@ pub(super) fn assemble(
 }
 
 /// Tangent planes of one handedness.
-fn oriented(frames: Frames, cells: &Cells, walls: &Sparse, warnings: &mut Vec<String>) -> Sheets {
-    let sheets = Sheets::orient(frames, cells, walls);
+fn oriented(surface: &Surface<'_>, frames: Frames, walls: &Sparse, warnings: &mut Vec<String>) -> Sheets {
+    let sheets = match surface.orientation {
+        Some(orientation) => Sheets::oriented(frames, orientation.clone()),
+        None => Sheets::orient(frames, walls),
+    };
     if !sheets.is_orientable() {
         warnings.push(
             "the surface could not be oriented; sheets are told apart by the angle of their planes only"
@@ -113,15 +119,15 @@ fn oriented(frames: Frames, cells: &Cells, walls: &Sparse, warnings: &mut Vec<St
 
 /// Where `pcd` looks for neighbours. Its authors' program finds planes of its own, which are not oriented.
 fn planes(
+    surface: &Surface<'_>,
     frames: Frames,
-    cells: &Cells,
     walls: &Sparse,
     parameters: &Parameters,
     warnings: &mut Vec<String>,
 ) -> Planes {
     let own = parameters.parameterization == Some(Parameterization::NearestTen);
     if parameters.additions().sheet_aware && !own {
-        Planes::Sheet(oriented(frames, cells, walls, warnings))
+        Planes::Sheet(oriented(surface, frames, walls, warnings))
     } else {
         Planes::Ball(frames)
     }
@@ -139,7 +145,8 @@ fn pb_mhb(
     let Surface { points, tree, cells, stars, .. } = *surface;
     let additions = parameters.additions();
     let stars = stars.filter(|_| additions.surface_distances);
-    let sheets = (additions.sheet_aware || stars.is_some()).then(|| oriented(frames, cells, walls, warnings));
+    let sheets =
+        (additions.sheet_aware || stars.is_some()).then(|| oriented(surface, frames, walls, warnings));
     progress.checkpoint()?;
     let atlas = sheets.as_ref().zip(stars).map(|(sheets, stars)| Atlas::new(points, stars, sheets));
     progress.checkpoint()?;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Additions, COMPONENT_MIN};
+use super::{Additions, COMPONENT_MIN, Fidelity};
 use crate::geometry::Sampling;
 use crate::operator::{HeatKernel, OperatorKind};
 use crate::spectrum::Spectrum;
@@ -46,6 +46,9 @@ pub struct Report {
     pub neighbors: f64,
     /// What the caller should know before trusting the result.
     pub warnings: Vec<String>,
+    /// How far the numbers can be trusted, by what the surface looks like; absent for operators that triangulate none.
+    #[serde(default)]
+    pub fidelity: Option<Fidelity>,
     /// Present for eigen jobs.
     pub spectrum: Option<Spectrum>,
 }

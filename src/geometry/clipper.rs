@@ -2,6 +2,7 @@
 
 use super::frames::Frames;
 use super::neighborhoods::{Neighbor, SearchTree};
+use super::orientation::Orientation;
 use super::points::Points;
 use super::polytope::{Corner, Polytope, Site, dot};
 
@@ -12,17 +13,22 @@ pub(super) const SPACING_NEIGHBORS: usize = 16;
 /// one in 10⁸ is (the chance of an empty circumcircle of radius r at density ρ is `(1+πρr²)·exp(−πρr²)`).
 const CORNER_RADIUS_MAX: f64 = 2.5;
 
+/// Planes whose oriented normals are more than 90° apart face away from each other.
+pub(super) const FACING_MIN: f64 = 0.0;
+
 /// Neighbours after which a cell is left as it is: on a manifold a hundred reach across the starting box, so that more
 /// lie around points that fill more dimensions.
 const CANDIDATES_MAX: usize = 2_000;
 
 /// How neighbours are seen from a point's tangent space.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct View {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View<'a> {
     /// Scale every projected neighbour back to its true distance.
     pub(super) isometric: bool,
     /// Neighbours steeper than this against the tangent space (sine of the angle) are left out.
     pub(super) steepness_max: f64,
+    /// Neighbours of which these planes, as they are oriented, face the other way are left out.
+    pub(super) sides: Option<(&'a Orientation, &'a Frames)>,
 }
 
 /// Scratch memory of one thread.
@@ -30,7 +36,7 @@ pub(super) struct Clipper<'a, P> {
     points: &'a Points,
     tree: &'a SearchTree,
     frames: &'a Frames,
-    view: View,
+    view: View<'a>,
     polytope: P,
     candidates: Vec<Neighbor>,
     /// Largest distance of a corner that counts as on the manifold.
@@ -38,7 +44,7 @@ pub(super) struct Clipper<'a, P> {
 }
 
 impl<'a, P: Default> Clipper<'a, P> {
-    pub(super) fn new(points: &'a Points, tree: &'a SearchTree, frames: &'a Frames, view: View) -> Self {
+    pub(super) fn new(points: &'a Points, tree: &'a SearchTree, frames: &'a Frames, view: View<'a>) -> Self {
         Self { points, tree, frames, view, polytope: P::default(), candidates: Vec::new(), limit: 0.0 }
     }
 }
@@ -53,8 +59,13 @@ impl<P> Clipper<'_, P> {
     where
         P: Polytope<K>,
     {
-        let count = SPACING_NEIGHBORS.min(nearest.len());
-        let reach = self.points.squared_distance(i, nearest[count - 1] as usize);
+        let count = self.frames.reach(i, SPACING_NEIGHBORS).min(self.points.len() - 1);
+        let reach = if let Some(&last) = nearest.get(count - 1) {
+            self.points.squared_distance(i, last as usize)
+        } else {
+            self.tree.nearest(self.points, i, count, &mut self.candidates);
+            self.candidates.last().map_or(0.0, |q| q.squared_distance)
+        };
         self.limit = CORNER_RADIUS_MAX * spacing_within::<K>(reach, count);
         self.polytope.reset(self.limit);
 
@@ -82,6 +93,12 @@ impl<P> Clipper<'_, P> {
             let squared_distance = self.points.squared_distance(i, neighbor as usize);
             if squared_distance > 4.0 * self.polytope.squared_radius() {
                 return true;
+            }
+            let faces_away = |(orientation, planes): (&Orientation, &Frames)| {
+                orientation.agreement(planes, i, neighbor as usize) < FACING_MIN
+            };
+            if self.view.sides.is_some_and(faces_away) {
+                continue;
             }
             let flat: [f64; K] = self.frames.project(self.points, i, neighbor as usize);
             let squared_flat = dot(&flat, &flat);

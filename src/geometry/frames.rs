@@ -24,10 +24,12 @@ const GAP: f64 = 5.0;
 /// The handedness of each is arbitrary until they are oriented along the surface ([`Frames::flip`]).
 #[derive(Debug, Clone)]
 pub struct Frames {
-    ambient: usize,
-    intrinsic: usize,
+    pub(super) ambient: usize,
+    pub(super) intrinsic: usize,
     /// `n × k × d`.
-    tangents: Vec<f64>,
+    pub(super) tangents: Vec<f64>,
+    /// Nearest neighbours that each plane was laid through; empty when all have the same number.
+    pub(super) counts: Vec<u32>,
     thickness: f64,
     dimension_estimate: usize,
 }
@@ -78,6 +80,7 @@ pub fn frames(
         ambient,
         intrinsic,
         tangents,
+        counts: Vec::new(),
         thickness: *thickness.select_nth_unstable_by(middle, f64::total_cmp).1,
         dimension_estimate: votes.iter().position(|&count| count == most).unwrap_or(intrinsic),
     })
@@ -106,42 +109,13 @@ fn principal_axes(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64
     }
 }
 
-/// Writes the leading principal axes of point `i` and its neighbours about their weighted mean into `frame`; leaves it
-/// when there are none. Weights are `exp(−2r²/R²)`, R the distance of the farthest.
-fn middle_axes(points: &Points, i: usize, nearest: &[u32], frame: &mut [f64]) {
-    let neighbors = &nearest[..CREASE_NEIGHBORS.min(nearest.len())];
-    let (p, d) = (points.point(i), points.dimension());
-    let squared = |q: &u32| points.squared_distance(i, *q as usize);
-    let farthest = neighbors.iter().map(squared).fold(0.0, f64::max);
-    // the point itself comes first, with weight 1
-    let weights: Vec<f64> =
-        std::iter::once(1.0).chain(neighbors.iter().map(|q| (-2.0 * squared(q) / farthest).exp())).collect();
-    let total: f64 = weights.iter().sum();
-    let offset = |j: usize, axis: usize| {
-        if j == 0 { 0.0 } else { points.point(neighbors[j - 1] as usize)[axis] - p[axis] }
-    };
-    let mean: Vec<f64> = (0..d)
-        .map(|axis| weights.iter().enumerate().map(|(j, w)| w * offset(j, axis)).sum::<f64>() / total)
-        .collect();
-    let centred = |j: usize, axis: usize| weights[j].sqrt() * (offset(j, axis) - mean[axis]);
-    let axes = if d == 3 {
-        let offsets = (0..weights.len()).map(|j| std::array::from_fn(|axis| centred(j, axis)));
-        axes_in_space(offsets)
-    } else {
-        axes_in_any_dimension(d, weights.len(), centred)
-    };
-    if let Some(axes) = axes {
-        frame.copy_from_slice(&axes.vectors[..frame.len()]);
-    }
-}
-
 /// Principal variances, largest first, and their unit vectors, one after the other.
-struct Axes {
-    variances: [f64; DIMENSION_MAX],
-    vectors: [f64; DIMENSION_MAX * DIMENSION_MAX],
+pub(super) struct Axes {
+    pub(super) variances: [f64; DIMENSION_MAX],
+    pub(super) vectors: [f64; DIMENSION_MAX * DIMENSION_MAX],
 }
 
-fn axes_in_space(offsets: impl Iterator<Item = [f64; 3]>) -> Option<Axes> {
+pub(super) fn axes_in_space(offsets: impl Iterator<Item = [f64; 3]>) -> Option<Axes> {
     let mut scatter = Matrix3::<f64>::zeros();
     for offset in offsets {
         let v = nalgebra::Vector3::from(offset);
@@ -154,7 +128,11 @@ fn axes_in_space(offsets: impl Iterator<Item = [f64; 3]>) -> Option<Axes> {
 }
 
 /// Axes of `count` offsets from the point, given by `offset(j, axis)`.
-fn axes_in_any_dimension(d: usize, count: usize, offset: impl Fn(usize, usize) -> f64) -> Option<Axes> {
+pub(super) fn axes_in_any_dimension(
+    d: usize,
+    count: usize,
+    offset: impl Fn(usize, usize) -> f64,
+) -> Option<Axes> {
     let offsets = DMatrix::from_fn(d, count, |axis, j| offset(j, axis));
     let scatter = &offsets * offsets.transpose();
     let scale = scatter.trace();
@@ -198,27 +176,7 @@ fn sorted(values: &[f64], vectors: &[f64]) -> Axes {
     axes
 }
 
-/// Neighbours that a frame among creases is made from: about the two rings of its star.
-const CREASE_NEIGHBORS: usize = 10;
-
 impl Frames {
-    /// Replaces the tangent spaces by those through the middle of the ten nearest neighbours, near ones weighing more.
-    ///
-    /// Ours. PCA through the point cannot tell the plane that halves a right-angled crease from the one across: both
-    /// have the same variance. About the middle of the neighbourhood it can. On fandisk the worst error of the
-    /// finite-volume operator's first 29 eigenvalues falls from 6 to 0.7 %.
-    #[must_use]
-    pub fn among_creases(mut self, points: &Points, nearest: &NearestNeighbors) -> Self {
-        let (d, intrinsic) = (self.ambient, self.intrinsic);
-        if intrinsic < d {
-            self.tangents
-                .par_chunks_mut(intrinsic * d)
-                .enumerate()
-                .for_each(|(i, frame)| middle_axes(points, i, nearest.of(i), frame));
-        }
-        self
-    }
-
     /// Intrinsic dimension k.
     #[must_use]
     pub fn intrinsic(&self) -> usize {
@@ -276,38 +234,5 @@ impl Frames {
         for x in &mut self.tangents[start..start + self.ambient] {
             *x = -*x;
         }
-    }
-}
-
-#[cfg(test)]
-#[allow(clippy::float_cmp)] // exact by construction
-mod tests {
-    use super::*;
-    use crate::cloud::{NonFinite, PointCloud};
-    use crate::geometry::SearchTree;
-
-    #[test]
-    fn among_creases_the_plane_on_a_right_angled_edge_halves_it() {
-        // two half-planes, z = 0 for x ≥ 0 and x = 0 for z ≥ 0
-        let mut rows: Vec<[f64; 3]> = Vec::new();
-        for y in 0..9 {
-            rows.extend((0..5).map(|x| [f64::from(x), f64::from(y), 0.0]));
-            rows.extend((1..5).map(|z| [0.0, f64::from(y), f64::from(z)]));
-        }
-        let cloud = PointCloud::new(3, rows.concat(), NonFinite::Reject).unwrap();
-        let points = Points::prepare(&cloud, 2).unwrap();
-        let nearest =
-            NearestNeighbors::find(&SearchTree::new(&points), &points, 20, &Progress::new()).unwrap();
-        let frames = frames(&points, &nearest, 2, &Progress::new()).unwrap().among_creases(&points, &nearest);
-        let edge = rows.iter().position(|&row| row == [0.0, 4.0, 0.0]).unwrap();
-        let i = points.of_row(edge).unwrap();
-        // both faces are seen under 45°: unit steps into them project onto √½, on opposite sides
-        let seen = |at: [f64; 3]| {
-            let row = rows.iter().position(|&row| row == at).unwrap();
-            frames.project::<2>(&points, i, points.of_row(row).unwrap())
-        };
-        let (floor, wall) = (seen([1.0, 4.0, 0.0]), seen([0.0, 4.0, 1.0]));
-        assert!((floor[0].hypot(floor[1]) - 0.5_f64.sqrt()).abs() < 1e-6);
-        assert!((floor[0] + wall[0]).abs() < 1e-6 && (floor[1] + wall[1]).abs() < 1e-6);
     }
 }

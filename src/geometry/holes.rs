@@ -4,11 +4,9 @@
 //! one, where a gap narrows, triangles are suspect that would pass elsewhere. Two thresholds with one condition between
 //! them (hysteresis, as in Canny's edges) tell a hole from the odd large triangle of random sampling.
 
-use std::collections::HashMap;
-
 use rayon::prelude::*;
 
-use super::components::components;
+use super::gaps::Taken;
 use super::metric::TriangleMetric;
 use super::neighborhoods::NearestNeighbors;
 use super::points::Points;
@@ -32,15 +30,11 @@ const GAP_MAX: f64 = 2.6;
 /// 1.6 and 1.8 (with `GAP_MAX` alone).
 const GAP_BESIDE: f64 = 1.5;
 
-/// Fewer triangles than this, away from a rim, are no hole: random sampling leaves voids of up to ten. With one of those
-/// open, the worst error of 25 eigenvalues of an iid-random sphere of 4,000 points is 5.2 % in the place of 1.5 %.
-const HOLE_TRIANGLES_MIN: usize = 12;
-
 impl Stars {
     /// Takes the triangles out that span gaps, then the spokes that are left without triangles. Whatever one star
-    /// takes out all stars take out.
+    /// takes out all stars take out. With `verify` only gaps stay open that are surrounded by smaller triangles.
     #[must_use]
-    pub fn with_open_gaps(mut self, points: &Points, nearest: &NearestNeighbors) -> Self {
+    pub fn with_open_gaps(mut self, points: &Points, nearest: &NearestNeighbors, verify: bool) -> Self {
         let sizes = self.relative_sizes(points, nearest);
         let gap = gap(&sizes);
         let mut opened: Vec<(usize, usize)> = Vec::new();
@@ -73,62 +67,10 @@ impl Stars {
                 }
             }
         }
-        self.close_small_holes(&before);
+        let taken = Taken::between(&before, &self);
+        taken.close(&mut self, points, verify);
         self.trim();
         self
-    }
-
-    /// Puts the triangles of `before` back where fewer than [`HOLE_TRIANGLES_MIN`] hang together and none lies on a rim.
-    fn close_small_holes(&mut self, before: &Self) {
-        let taken: Vec<(usize, usize)> = (0..self.len())
-            .flat_map(|i| (0..self.of(i).len()).map(move |k| (i, k)))
-            .filter(|&(i, k)| before.of(i)[k].filled && !self.of(i)[k].filled)
-            .collect();
-        // every triangle once, whatever stars it is in, and the edges that it shares with others
-        let mut triangles: HashMap<[u32; 3], u32> = HashMap::new();
-        let mut edges: HashMap<[u32; 2], Vec<u32>> = HashMap::new();
-        let mut rim: Vec<bool> = Vec::new();
-        let mut place = Vec::with_capacity(taken.len());
-        for &(i, k) in &taken {
-            let mut corners = self.triangle(i, k);
-            corners.sort_unstable();
-            let next = triangles.len() as u32;
-            let id = *triangles.entry(corners).or_insert(next);
-            if id == next {
-                rim.push(false);
-                let [a, b, c] = corners;
-                for edge in [[a, b], [b, c], [a, c]] {
-                    edges.entry(edge).or_default().push(id);
-                }
-            }
-            let count = before.of(i).len();
-            rim[id as usize] |=
-                !before.of(i)[(k + 1) % count].filled || !before.of(i)[(k + count - 1) % count].filled;
-            place.push(id);
-        }
-        let mut beside: Vec<Vec<u32>> = vec![Vec::new(); rim.len()];
-        for sharing in edges.values() {
-            for &a in sharing {
-                beside[a as usize].extend(sharing.iter().copied().filter(|&b| b != a));
-            }
-        }
-        let holes = components(rim.len(), |id| beside[id].iter().copied());
-        let mut on_rim = vec![false; holes.size.len()];
-        holes.label.iter().zip(&rim).for_each(|(&hole, &rim)| on_rim[hole as usize] |= rim);
-        for (&(i, k), &id) in taken.iter().zip(&place) {
-            let hole = holes.label[id as usize] as usize;
-            if holes.size[hole] < HOLE_TRIANGLES_MIN && !on_rim[hole] {
-                self.fill(i, k);
-            }
-        }
-    }
-
-    /// The spoke of point `i` behind which the triangle with `others` lies, if it does.
-    fn place(&self, i: usize, others: [u32; 2]) -> Option<usize> {
-        (0..self.of(i).len()).find(|&k| {
-            let [_, q, r] = self.triangle(i, k);
-            self.of(i)[k].filled && ([q, r] == others || [r, q] == others)
-        })
     }
 
     /// Circumradius of every filled triangle over the ordinary size at its corners, the middle one of three; 0 for

@@ -166,6 +166,39 @@ impl Points {
         self
     }
 
+    /// One point in the place of every group of points, at their mean; rows follow. Groups are numbered by their first
+    /// points, `sizes` their points.
+    #[must_use]
+    pub fn merged(&self, group: &[u32], sizes: &[usize]) -> Self {
+        let d = self.dimension;
+        let mut coordinates = vec![0.0; sizes.len() * d];
+        let mut row_of_point = vec![NO_POINT; sizes.len()];
+        for (i, &group) in group.iter().enumerate() {
+            let group = group as usize;
+            for (sum, x) in coordinates[group * d..(group + 1) * d].iter_mut().zip(self.point(i)) {
+                *sum += x / sizes[group] as f64;
+            }
+            row_of_point[group] = row_of_point[group].min(self.row_of_point[i]);
+        }
+        let of_row = |&point: &u32| if point == NO_POINT { NO_POINT } else { group[point as usize] };
+        Self {
+            coordinates,
+            point_of_row: self.point_of_row.iter().map(of_row).collect(),
+            row_of_point,
+            ..*self
+        }
+    }
+
+    /// The same points at other places.
+    ///
+    /// # Panics
+    /// Unless there are as many coordinates as before.
+    #[must_use]
+    pub fn moved(&self, coordinates: Vec<f64>) -> Self {
+        assert_eq!(coordinates.len(), self.coordinates.len());
+        Self { coordinates, ..self.clone() }
+    }
+
     /// What a length of 1 between these points is in the upload's unit of length.
     #[must_use]
     pub fn unit(&self) -> f64 {

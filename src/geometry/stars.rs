@@ -12,6 +12,7 @@ use super::clipper::{Clipper, View};
 use super::frames::Frames;
 use super::metric::TriangleMetric;
 use super::neighborhoods::{NearestNeighbors, SearchTree};
+use super::orientation::{Link, Orientation};
 use super::points::{GeometryError, Points};
 use super::polytope::{BOX, Polygon};
 use crate::progress::Progress;
@@ -19,6 +20,9 @@ use crate::progress::Progress;
 /// Neighbours steeper than this against the tangent plane (sine of the angle) belong to another sheet. The faces of a
 /// cube are inclined by asin 0.816 against the plane at its corner.
 const STEEPNESS_MAX: f64 = 0.9;
+
+/// Weight of a link on which no triangle is agreed about.
+const LINK_WEIGHT_MIN: f64 = 0.05;
 
 /// Points handled between two looks at the progress.
 const BATCH: usize = 16_384;
@@ -53,8 +57,7 @@ impl Stars {
         progress: &Progress,
     ) -> Result<Self, GeometryError> {
         let n = points.len();
-        let steepness_max = if sheet_aware { STEEPNESS_MAX } else { 1.0 };
-        let view = View { isometric: true, steepness_max };
+        let view = Self::view(sheet_aware);
         let mut stars = Self { offsets: Vec::with_capacity(n + 1), spokes: Vec::with_capacity(7 * n) };
         stars.offsets.push(0);
         for start in (0..n).step_by(BATCH) {
@@ -77,6 +80,105 @@ impl Stars {
             }
         }
         Ok(stars)
+    }
+
+    fn view<'a>(sheet_aware: bool) -> View<'a> {
+        let steepness_max = if sheet_aware { STEEPNESS_MAX } else { 1.0 };
+        View { isometric: true, steepness_max, sides: None }
+    }
+
+    /// The stars with those of `again` triangulated anew in their `frames`, of neighbours whose planes face the same way
+    /// where `sides` are known. A star is replaced only where `accept(old, new)`.
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    #[allow(clippy::too_many_arguments)] // what the clipper needs, and which stars
+    pub fn found_again(
+        &self,
+        points: &Points,
+        tree: &SearchTree,
+        nearest: &NearestNeighbors,
+        frames: &Frames,
+        sides: Option<(&Orientation, &Frames)>,
+        again: &[bool],
+        accept: impl Fn(usize, &[Spoke]) -> bool + Sync + Send,
+        progress: &Progress,
+    ) -> Result<Self, GeometryError> {
+        let which: Vec<usize> = (0..self.len()).filter(|&i| again[i]).collect();
+        let view = View { sides, ..Self::view(true) };
+        let found: Vec<Vec<Spoke>> = which
+            .par_iter()
+            .with_min_len(64)
+            .map_init(
+                || Clipper::<Polygon>::new(points, tree, frames, view),
+                |clipper, &i| {
+                    if progress.is_canceled() {
+                        return Vec::new();
+                    }
+                    clipper.clip::<2>(i, nearest.of(i));
+                    let star = spokes(clipper);
+                    if accept(i, &star) { star } else { self.of(i).to_vec() }
+                },
+            )
+            .collect();
+        progress.checkpoint()?;
+        let mut stars = Self {
+            offsets: Vec::with_capacity(self.offsets.len()),
+            spokes: Vec::with_capacity(self.spokes.len()),
+        };
+        stars.offsets.push(0);
+        let mut found = which.into_iter().zip(found).peekable();
+        for i in 0..self.len() {
+            match found.next_if(|(next, _)| *next == i) {
+                Some((_, star)) => stars.push(&star),
+                None => stars.push(self.of(i)),
+            }
+        }
+        Ok(stars)
+    }
+
+    /// Every link of two points with its weight: one twentieth, and 1 for each triangle on it that all three corners see.
+    #[must_use]
+    pub fn links(&self) -> Vec<Link> {
+        let mut links: Vec<Link> = (0..self.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .flat_map_iter(|i| {
+                let count = self.of(i).len();
+                let agreed = move |k: usize| self.of(i)[k].filled && self.is_agreed(i, k);
+                (0..count).filter_map(move |k| {
+                    let q = self.of(i)[k].neighbor;
+                    let both = usize::from(agreed(k)) + usize::from(agreed((k + count - 1) % count));
+                    // the other end names the link where it sees it too
+                    let named = (i as u32) < q || !self.sees(q as usize, i as u32);
+                    named.then(|| Link {
+                        ends: [q.min(i as u32), q.max(i as u32)],
+                        weight: LINK_WEIGHT_MIN + both as f64,
+                    })
+                })
+            })
+            .collect();
+        links.par_sort_unstable_by_key(|link| link.ends);
+        links
+    }
+
+    fn sees(&self, i: usize, q: u32) -> bool {
+        self.of(i).iter().any(|spoke| spoke.neighbor == q)
+    }
+
+    /// Whether the other two corners of the triangle behind spoke `k` of point `i` have it in their stars too.
+    #[must_use]
+    pub fn is_agreed(&self, i: usize, k: usize) -> bool {
+        let [_, q, r] = self.triangle(i, k);
+        self.place(q as usize, [i as u32, r]).is_some() && self.place(r as usize, [i as u32, q]).is_some()
+    }
+
+    /// The spoke of point `i` behind which the triangle with `others` lies, if it does.
+    pub(super) fn place(&self, i: usize, others: [u32; 2]) -> Option<usize> {
+        (0..self.of(i).len()).find(|&k| {
+            let [_, q, r] = self.triangle(i, k);
+            self.of(i)[k].filled && ([q, r] == others || [r, q] == others)
+        })
     }
 
     /// Stars from their spokes.
@@ -152,6 +254,15 @@ impl Stars {
         *self = Self::from_spokes(&all);
     }
 
+    /// A third of the area of all triangles of all stars: the area of the surface where corners agree.
+    #[must_use]
+    pub fn area(&self, points: &Points) -> f64 {
+        let of_star = |i: usize| -> f64 {
+            self.triangles(i).map(|corners| TriangleMetric::of(points, corners).area()).sum()
+        };
+        (0..self.len()).map(of_star).sum::<f64>() / 3.0
+    }
+
     /// Voronoi cells made of the triangles: areas between circumcentres (mixed areas around an open star), and half
     /// the sum of the cotangents that face a spoke as its conductance.
     #[must_use]
@@ -203,6 +314,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::cloud::{NonFinite, PointCloud};
     use crate::geometry::frames;
+    use crate::geometry::survey::{Rules, Survey};
 
     /// The points and stars of a surface in space, gaps opened.
     pub(crate) fn stars_of(rows: &[[f64; 3]]) -> (Points, Frames, Stars) {
@@ -210,10 +322,10 @@ pub(crate) mod tests {
         let points = Points::prepare(&cloud, 2).unwrap();
         let (tree, progress) = (SearchTree::new(&points), Progress::new());
         let nearest = NearestNeighbors::find(&tree, &points, 20, &progress).unwrap();
-        let frames = frames(&points, &nearest, 2, &progress).unwrap().among_creases(&points, &nearest);
-        let stars = Stars::find(&points, &tree, &nearest, &frames, true, &progress).unwrap();
-        let stars = stars.with_open_gaps(&points, &nearest);
-        (points, frames, stars)
+        let frames = frames(&points, &nearest, 2, &progress).unwrap();
+        let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules: Rules::default() };
+        let surveyed = survey.triangulate(frames, true, &progress).unwrap();
+        (points, surveyed.frames, surveyed.stars)
     }
 
     /// A number between -0.5 and 0.5 from a hash.

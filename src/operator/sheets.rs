@@ -1,6 +1,7 @@
 //! Which near points lie on the same sheet of the surface.
 
-use crate::geometry::{Cells, Frames, Points};
+use crate::geometry::orientation::{Link, Orientation};
+use crate::geometry::{Frames, Points};
 use crate::operator::Sparse;
 
 /// Tangent frames of one handedness, as far as the surface allows it.
@@ -18,9 +19,6 @@ pub struct Sheets {
     pub conflicts: f64,
 }
 
-/// Neighbours whose planes are within 45° of each other can be compared reliably.
-const COMPARABLE: f64 = 0.7;
-
 /// Beyond this share of conflicts handedness means nothing (a Möbius band, a tangle): only the planes' angle counts.
 const CONFLICTS_MAX: f64 = 0.01;
 
@@ -29,33 +27,25 @@ const ORIENTED_MIN: f64 = 0.0;
 const UNORIENTED_MIN: f64 = 0.5;
 
 impl Sheets {
-    /// Propagates handedness over the edges of common cell walls, best agreeing pairs first (the minimum spanning
-    /// tree of Hoppe et al. 1992, by a union-find that carries the sign).
+    /// Orients frames along common cell walls.
     #[must_use]
-    pub fn orient(mut frames: Frames, cells: &Cells, walls: &Sparse) -> Self {
-        let n = walls.rows();
-        debug_assert_eq!(n, cells.volume.len());
-        let mut edges: Vec<(f64, u32, u32)> = (0..n)
-            .flat_map(|i| walls.neighbors(i).filter(move |&j| (i as u32) < j).map(move |j| (i as u32, j)))
-            .map(|(i, j)| (frames.agreement(i as usize, j as usize), i, j))
+    pub fn orient(frames: Frames, walls: &Sparse) -> Self {
+        let links: Vec<Link> = (0..walls.rows() as u32)
+            .flat_map(|i| walls.neighbors(i as usize).filter(move |&j| i < j).map(move |j| [i, j]))
+            .map(|ends| Link { ends, weight: 1.0 })
             .collect();
-        edges.sort_unstable_by(|a, b| b.0.abs().total_cmp(&a.0.abs()).then((a.1, a.2).cmp(&(b.1, b.2))));
-        let mut sides = Sides::new(n);
-        for &(agreement, i, j) in &edges {
-            sides.join(i, j, agreement < 0.0);
-        }
-        let flipped: Vec<bool> = (0..n as u32).map(|i| sides.find(i).1).collect();
-        for i in (0..n).filter(|&i| flipped[i]) {
+        let orientation = Orientation::find(&frames, walls.rows(), &links);
+        Self::oriented(frames, orientation)
+    }
+
+    /// Frames whose orientation is known.
+    #[must_use]
+    pub fn oriented(mut frames: Frames, orientation: Orientation) -> Self {
+        let Orientation { flipped, conflicts } = orientation;
+        for i in (0..flipped.len()).filter(|&i| flipped[i]) {
             frames.flip(i);
         }
-        let (mut comparable, mut conflicting) = (0_usize, 0_usize);
-        for &(agreement, i, j) in &edges {
-            if agreement.abs() > COMPARABLE {
-                comparable += 1;
-                conflicting += usize::from(frames.agreement(i as usize, j as usize) < 0.0);
-            }
-        }
-        Self { frames, flipped, conflicts: conflicting as f64 / comparable.max(1) as f64 }
+        Self { frames, flipped, conflicts }
     }
 
     /// Whether handedness can be relied on.
@@ -91,44 +81,5 @@ impl Sheets {
     pub fn mirrored(&self, i: usize, j: usize) -> bool {
         let opposite = !self.is_orientable() && self.frames.agreement(i.min(j), i.max(j)) < 0.0;
         self.flipped[i] ^ self.flipped[j] ^ opposite
-    }
-}
-
-/// Union-find whose members know on which of two sides they are relative to their root.
-struct Sides {
-    parent: Vec<u32>,
-    flipped: Vec<bool>,
-}
-
-impl Sides {
-    fn new(n: usize) -> Self {
-        Self { parent: (0..n as u32).collect(), flipped: vec![false; n] }
-    }
-
-    /// Root of `i`, and whether `i` is on the other side than its root.
-    fn find(&mut self, i: u32) -> (u32, bool) {
-        let (mut root, mut flipped) = (i, false);
-        while self.parent[root as usize] != root {
-            flipped ^= self.flipped[root as usize];
-            root = self.parent[root as usize];
-        }
-        let (mut k, mut side) = (i, flipped);
-        while self.parent[k as usize] != root && k != root {
-            let (next, step) = (self.parent[k as usize], self.flipped[k as usize]);
-            self.parent[k as usize] = root;
-            self.flipped[k as usize] = side;
-            side ^= step;
-            k = next;
-        }
-        (root, flipped)
-    }
-
-    fn join(&mut self, i: u32, j: u32, opposite: bool) {
-        let ((a, side_i), (b, side_j)) = (self.find(i), self.find(j));
-        if a != b {
-            let (leader, follower) = (a.min(b), a.max(b));
-            self.parent[follower as usize] = leader;
-            self.flipped[follower as usize] = side_i ^ side_j ^ opposite;
-        }
     }
 }

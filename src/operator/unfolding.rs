@@ -313,7 +313,7 @@ mod tests {
         let (points, frames, stars) = stars_of(rows);
         let cells = stars.cells(&points);
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
-        let sheets = Sheets::orient(frames, &cells, &walls);
+        let sheets = Sheets::orient(frames, &walls);
         let squared =
             Atlas::new(&points, &stars, &sheets).squared_distances(radius, &Progress::new()).unwrap();
         move |a, b| {

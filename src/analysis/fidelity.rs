@@ -1,0 +1,93 @@
+//! How far the numbers can be trusted, by what the surface looks like.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::Parameters;
+use crate::geometry::survey::Surveyed;
+use crate::operator::OperatorKind;
+
+/// What the triangulated surface says of itself. Absent for operators that triangulate none.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Fidelity {
+    /// 0 to 1: from 0.9 on, 95 % of eigenvalue spectra are expected to be within 2 % of the surface's.
+    pub trust: f64,
+    /// Share of the triangles' area that not all three corners see: sheets that touch, edges sharper than the sampling.
+    pub disputed: f64,
+    /// Share of the triangles' area that was taken out as holes.
+    pub opened: f64,
+    /// Standard deviation of the points along the normals over their spacing.
+    pub noise: f64,
+    /// Median ratio of the distances between points along and across: 1 for even sampling, 2 for scan lines twice as far
+    /// apart as the points on them.
+    pub stretch: f64,
+    /// Rows that repeat others but for rounding or jitter; they share the result of those.
+    pub merged: usize,
+}
+
+/// Shares and ratios at which trust is halved.
+const DISPUTED_HALF: f64 = 0.10;
+const OPENED_HALF: f64 = 0.02;
+const NOISE_HALF: f64 = 0.4;
+const STRETCH_HALF: f64 = 1.5;
+
+/// Where a caller is told.
+const DISPUTED_WARNED: f64 = 0.10;
+const OPENED_WARNED: f64 = 0.02;
+const NOISE_WARNED: f64 = 0.15;
+const STRETCH_WARNED: f64 = 2.2;
+
+impl Fidelity {
+    pub(super) fn of(surveyed: &Surveyed, noise: f64, merged: usize, parameters: &Parameters) -> Self {
+        let &Surveyed { disputed, opened, stretch, .. } = surveyed;
+        let halved = |value: f64, half: f64| (-(value / half).powi(2) * std::f64::consts::LN_2).exp();
+        // only a kernel that is alike in all directions minds
+        let stretched = if parameters.operator == OperatorKind::Voronoi { 1.0 } else { stretch };
+        let trust = halved(disputed, DISPUTED_HALF)
+            * halved(opened, OPENED_HALF)
+            * halved(noise, NOISE_HALF)
+            * halved((stretched - STRETCH_WARNED).max(0.0), STRETCH_HALF);
+        Self { trust, disputed, opened, noise, stretch, merged }
+    }
+
+    /// What a caller should know, and can do.
+    pub(super) fn warnings(&self, parameters: &Parameters) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.merged > 0 {
+            warnings.push(format!(
+                "{} rows repeat others up to rounding or a small jitter; each group is computed as one point, and its \
+                 rows share the result",
+                self.merged
+            ));
+        }
+        if self.noise > NOISE_WARNED {
+            warnings.push(format!(
+                "the points scatter by {:.2} of their spacing about a smooth surface; lengths are measured on the \
+                 smoothed surface, and details of a few spacings are lost",
+                self.noise
+            ));
+        }
+        if self.disputed > DISPUTED_WARNED {
+            warnings.push(format!(
+                "{:.0} % of the surface is seen differently from neighboring points: sheets touch or are as thin as the \
+                 spacing, or edges are sharper than the sampling; sample these parts more densely",
+                100.0 * self.disputed
+            ));
+        }
+        if self.opened > OPENED_WARNED {
+            warnings.push(format!(
+                "{:.1} % of the surface was left open as holes wider than the spacing around them; scan them, or check \
+                 that they are holes",
+                100.0 * self.opened
+            ));
+        }
+        if self.stretch > STRETCH_WARNED && parameters.operator != OperatorKind::Voronoi {
+            warnings.push(format!(
+                "the points are {:.1} times as far apart in one direction as in the other: choose operator `voronoi`, whose \
+                 eigenvalues do not depend on that, or thin the cloud to even distances",
+                self.stretch
+            ));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,196 @@
+//! From neighbourhoods to the triangles of a surface: planes, stars, sides, gaps.
+
+use std::f64::consts::{PI, TAU};
+
+use super::clipper::FACING_MIN;
+use super::frames::Frames;
+use super::metric::TriangleMetric;
+use super::neighborhoods::{NearestNeighbors, SearchTree};
+use super::orientation::Orientation;
+use super::points::{GeometryError, Points};
+use super::stars::{Spoke, Stars};
+use crate::progress::Progress;
+
+/// The rules by which triangles are chosen; each can be left out, to measure what it is worth (`docs/accuracy.md`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::struct_excessive_bools)] // independent switches
+pub struct Rules {
+    /// Planes through more neighbours where the nearest lie on a line.
+    pub widen_planes: bool,
+    /// Rounds in which planes are turned to the triangles around their points.
+    pub turns: usize,
+    /// Neighbours that face the other way are left out of stars that close without them.
+    pub part_sheets: bool,
+    /// Gaps are opened only where the triangles around them are smaller.
+    pub verify_gaps: bool,
+    /// Points that repeat one another but for rounding or jitter become one.
+    pub merge_repetitions: bool,
+    /// Lengths are measured on a smoothed surface where the points are noisy.
+    pub smooth_noise: bool,
+}
+
+impl Default for Rules {
+    fn default() -> Self {
+        Self {
+            widen_planes: true,
+            turns: 2,
+            part_sheets: true,
+            verify_gaps: true,
+            merge_repetitions: true,
+            smooth_noise: true,
+        }
+    }
+}
+
+/// Planes turned by less than this (sine of the angle) see the same triangles.
+const TURN_MIN: f64 = 0.1;
+
+/// Widest gap in a star that lost the neighbours that face the other way: beside a knife edge that no point lies on, only
+/// these close it.
+const GAP_ANGLE_MAX: f64 = 0.8 * PI;
+
+/// Share of conflicts beyond which sides mean nothing: a Möbius band, a tangle.
+const CONFLICTS_MAX: f64 = 0.02;
+
+/// What a surface is triangulated from.
+#[derive(Clone, Copy)]
+pub struct Survey<'a> {
+    /// The points.
+    pub points: &'a Points,
+    /// The points, searchable.
+    pub tree: &'a SearchTree,
+    /// Their nearest neighbours.
+    pub nearest: &'a NearestNeighbors,
+    /// How.
+    pub rules: Rules,
+}
+
+/// A triangulated surface.
+#[derive(Debug)]
+pub struct Surveyed {
+    /// Tangent planes.
+    pub frames: Frames,
+    /// The triangles around every point, gaps left open.
+    pub stars: Stars,
+    /// Sides of the planes.
+    pub orientation: Orientation,
+    /// Share of the triangles' area that not all three corners see.
+    pub disputed: f64,
+    /// Share of the triangles' area that was taken out as gaps.
+    pub opened: f64,
+    /// Median ratio of the principal lengths of the stars: 1 where points are as far apart in all directions.
+    pub stretch: f64,
+}
+
+impl Survey<'_> {
+    /// Triangulates a surface; `frames` are planes to begin with.
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn triangulate(
+        &self,
+        frames: Frames,
+        sheet_aware: bool,
+        progress: &Progress,
+    ) -> Result<Surveyed, GeometryError> {
+        let Self { points, tree, nearest, rules } = *self;
+        let mut frames = frames.among_creases(points, tree, nearest, rules.widen_planes);
+        progress.checkpoint()?;
+        let mut stars = Stars::find(points, tree, nearest, &frames, sheet_aware, progress)?;
+        if sheet_aware {
+            for _ in 0..rules.turns {
+                let turned = frames.turn_to_stars(points, &stars, TURN_MIN);
+                let any = |_: usize, _: &[Spoke]| true;
+                stars = stars.found_again(points, tree, nearest, &frames, None, &turned, any, progress)?;
+            }
+        }
+        // sides are told by the triangles; what a point sees is better left to the plane that found them
+        let mut sides = frames.clone();
+        let _ = sides.turn_to_stars(points, &stars, 0.0);
+        let orientation = Orientation::find(&sides, points.len(), &stars.links());
+        progress.checkpoint()?;
+        if sheet_aware && rules.part_sheets && orientation.conflicts < CONFLICTS_MAX {
+            stars = self.parted(stars, &frames, &orientation, &sides, progress)?;
+        }
+        let disputed = disputed(points, &stars);
+        let whole = stars.area(points);
+        let stars = stars.with_open_gaps(points, nearest, rules.verify_gaps);
+        let opened = if whole > 0.0 { 1.0 - stars.area(points) / whole } else { 0.0 };
+        let stretch = stretch(points, &frames, &stars);
+        Ok(Surveyed { frames, stars, orientation, disputed, opened, stretch })
+    }
+
+    /// The stars without neighbours that face the other way, where the others still surround the point.
+    fn parted(
+        &self,
+        stars: Stars,
+        frames: &Frames,
+        orientation: &Orientation,
+        planes: &Frames,
+        progress: &Progress,
+    ) -> Result<Stars, GeometryError> {
+        let Self { points, tree, nearest, .. } = *self;
+        let faces_away = |i: usize, q: u32| orientation.agreement(planes, i, q as usize) < FACING_MIN;
+        let mixed: Vec<bool> =
+            (0..stars.len()).map(|i| stars.of(i).iter().any(|spoke| faces_away(i, spoke.neighbor))).collect();
+        let surrounds = |i: usize, star: &[Spoke]| {
+            let allowed = GAP_ANGLE_MAX.max(widest_gap(points, frames, i, stars.of(i)));
+            widest_gap(points, frames, i, star) <= allowed
+        };
+        let sides = Some((orientation, planes));
+        stars.found_again(points, tree, nearest, frames, sides, &mixed, surrounds, progress)
+    }
+}
+
+/// Widest angle between consecutive spokes without a triangle between them; 2π for fewer than two spokes.
+fn widest_gap(points: &Points, frames: &Frames, i: usize, star: &[Spoke]) -> f64 {
+    if star.len() < 2 {
+        return TAU;
+    }
+    let direction = |k: usize| -> f64 {
+        let [x, y] = frames.project::<2>(points, i, star[k % star.len()].neighbor as usize);
+        y.atan2(x)
+    };
+    (0..star.len())
+        .filter(|&k| !star[k].filled)
+        .map(|k| (direction(k + 1) - direction(k)).rem_euclid(TAU))
+        .fold(0.0, f64::max)
+}
+
+/// Share of the triangles' area that not all three corners see.
+fn disputed(points: &Points, stars: &Stars) -> f64 {
+    let (mut all, mut some) = (0.0, 0.0);
+    for i in 0..stars.len() {
+        for k in (0..stars.of(i).len()).filter(|&k| stars.of(i)[k].filled) {
+            let area = TriangleMetric::of(points, stars.triangle(i, k)).area();
+            all += area;
+            if !stars.is_agreed(i, k) {
+                some += area;
+            }
+        }
+    }
+    if all > 0.0 { some / all } else { 0.0 }
+}
+
+/// Median ratio of the principal lengths of the offsets around every point.
+fn stretch(points: &Points, frames: &Frames, stars: &Stars) -> f64 {
+    let mut ratios: Vec<f64> = (0..stars.len())
+        .filter(|&i| stars.of(i).iter().all(|spoke| spoke.filled) && !stars.of(i).is_empty())
+        .filter_map(|i| {
+            let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+            for spoke in stars.of(i) {
+                let [x, y] = frames.project::<2>(points, i, spoke.neighbor as usize);
+                xx += x * x;
+                xy += x * y;
+                yy += y * y;
+            }
+            let (mean, spread) = (0.5 * (xx + yy), (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt());
+            (mean > spread).then(|| ((mean + spread) / (mean - spread)).sqrt())
+        })
+        .collect();
+    if ratios.is_empty() {
+        return 1.0;
+    }
+    let middle = ratios.len() / 2;
+    *ratios.select_nth_unstable_by(middle, f64::total_cmp).1
+}
