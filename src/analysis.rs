@@ -92,6 +92,9 @@ fn check_bases(parameters: &Parameters, points: usize) -> Result<(), AnalysisErr
 /// Components of fewer points carry no result.
 const COMPONENT_MIN: usize = POINTS_MIN;
 
+/// A residual this many times the tolerance is no result.
+const RESIDUAL_EXCESS_MAX: f64 = 10.0;
+
 /// (k+1)-th over k-th principal variance of the neighbourhoods from which on the caller is warned. On a surface noise of
 /// half a spacing gives about 0.15, a volume more than 0.5.
 const THICKNESS_WARNED: f64 = 0.25;
@@ -159,6 +162,7 @@ pub fn analyze_by(
     progress.checkpoint()?;
     let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
+    let parameters = &parameters.for_kind(kind, &sampling, points.len());
 
     progress.enter(Phase::Assembly)?;
     let surface = Surface {
@@ -247,6 +251,13 @@ fn eigenpairs(
     };
     let solution = solve(&problem, &request, progress)?;
     progress.checkpoint()?;
+    if solution.certificates.residual > RESIDUAL_EXCESS_MAX * parameters.tolerance {
+        return Err(AnalysisError::Cloud(format!(
+            "the eigenpairs have a residual of {:.1e}, far above the tolerance {:.1e}: the operator's entries differ too much \
+             in size; look for points that nearly coincide, or take a larger `tolerance`",
+            solution.certificates.residual, parameters.tolerance
+        )));
+    }
     let raw = solution.pairs.values.clone();
     let mut imaginary = solution.pairs.imaginary.clone();
     imaginary.resize(raw.len(), 0.0);

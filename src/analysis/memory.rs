@@ -44,6 +44,11 @@ pub fn memory_estimate(
         kind if sliced || kind.is_pcd() => KERNEL_BYTES_DOUBLE,
         _ => KERNEL_BYTES,
     };
+    // rows of an operator that is applied are long, and two matrices of them are held
+    let applied = match (kind, parameters.operator) {
+        (JobKind::Operator, OperatorKind::PbMhb) => 24 * (40_000_000 / points.max(1)).min(800),
+        _ => 0,
+    };
     let single = kernel > 0 && !unfactored && !sliced && !parameters.operator.is_pcd();
     // a Krylov space in single precision, or the vectors that come of it and their products
     let vectors = if single {
@@ -57,7 +62,7 @@ pub fn memory_estimate(
         JobKind::Operator => 0,
         JobKind::Eigen => FACTOR_BYTES * u64::from(points.max(1).ilog2() + 1) + 8 * vectors as u64,
     };
-    let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + kernel + solver;
+    let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + kernel + applied + solver;
     let matrices = if kind == JobKind::Eigen && is_dense(points as usize, parameters.bases) {
         DENSE_BYTES * points * points
     } else {

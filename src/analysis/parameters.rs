@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::AnalysisError;
+use crate::geometry::Sampling;
 use crate::geometry::frames::INTRINSIC_MAX;
 use crate::operator::{Distance, HeatKernel, OperatorKind, Parameterization, graph, pb_mhb, pcd};
 
@@ -63,6 +64,16 @@ pub struct Parameters {
 
 /// Where a Gaussian is cut at the latest: `exp(−600)` is near the smallest number there is.
 const EXPONENT_MAX: f64 = 600.0;
+
+/// t over `ε^{4/3} area^{1/3}` of an operator that is applied: on random spheres 2ε² at 8,000 points.
+const APPLIED_T: f64 = 0.15;
+
+/// Its `δ/√(2t)`: its rows are long, and the compensation makes up for the cut.
+const APPLIED_DELTA_FACTOR: f64 = 3.0;
+
+/// Most neighbours of its rows, and most entries of its matrix.
+const APPLIED_NEIGHBORS: f64 = 800.0;
+const APPLIED_ENTRIES: f64 = 4e7;
 
 /// Largest factor of a length: beyond it a kernel is flat over any cloud that can be analysed.
 const FACTOR_MAX: f64 = 1e6;
@@ -171,6 +182,30 @@ impl Parameters {
             moment_calibration: on(self.moment_calibration, self.operator == PbMhb),
             heat_correction: on(self.heat_correction, self.operator.is_heat_kernel()),
         }
+    }
+
+    /// The parameters with the t by which an operator that is applied, not solved for, converges.
+    ///
+    /// With `t ~ ε²` the noise of the sampling stays as large as what Δ makes of a function, or grows; `t` must shrink more
+    /// slowly. The bias is O(t), the noise of random samples O(√(h²/t)/t^½): `t ~ ε^{4/3}` lets both vanish (Singer
+    /// 2006; [PCD] takes `ε^{1/(2+ξ)}`). Rows are kept to [`APPLIED_NEIGHBORS`].
+    pub(super) fn for_kind(&self, kind: JobKind, sampling: &Sampling, points: usize) -> Self {
+        let chosen = self.t.or(self.t_factor).or(self.epsilon).or(self.delta).is_some();
+        if kind == JobKind::Eigen
+            || self.operator != OperatorKind::PbMhb
+            || self.dimension != 2
+            || !self.additions().moment_calibration
+            || chosen
+        {
+            return self.clone();
+        }
+        let factor = self.delta_factor.unwrap_or(APPLIED_DELTA_FACTOR);
+        let neighbors = APPLIED_NEIGHBORS.min(APPLIED_ENTRIES / points as f64);
+        // π δ²/h² neighbours with δ² = 2t·factor²
+        let most = neighbors * sampling.spacing.powi(2) / (2.0 * std::f64::consts::PI * factor * factor);
+        let smooth = APPLIED_T * sampling.epsilon.powf(4.0 / 3.0) * sampling.area.cbrt();
+        let least = pb_mhb::t_factor(2, true) * sampling.epsilon.powi(2);
+        Self { t: Some(smooth.min(most).max(least)), delta_factor: Some(factor), ..self.clone() }
     }
 
     /// t and δ for a cloud with covering radius `epsilon`: `t = c·ε²`, `δ = c'·√(2t)`.

@@ -45,9 +45,10 @@ impl Default for Rules {
 /// Planes turned by less than this (sine of the angle) see the same triangles.
 const TURN_MIN: f64 = 0.1;
 
-/// Widest gap in a star that lost the neighbours that face the other way: beside a knife edge that no point lies on, only
-/// these close it.
-const GAP_ANGLE_MAX: f64 = 0.8 * PI;
+/// Widest gap in a star that lost the neighbours that face the other way: half of the plane on an edge, more beside a knife
+/// edge that no point lies on, where only these close it. On the thin boat the worst error of 29 eigenvalues is 7.5 %
+/// without a limit, on fandisk with a tenth less than half of the plane 5.0 instead of 0.7 %.
+const GAP_ANGLE_MAX: f64 = 1.05 * PI;
 
 /// Share of conflicts beyond which sides mean nothing: a Möbius band, a tangle.
 const CONFLICTS_MAX: f64 = 0.02;

@@ -130,6 +130,7 @@ pub(crate) fn report(points: usize, bases: usize) -> Report {
         nonzeros: 7 * points,
         neighbors: 6.0,
         warnings: vec!["made up".to_owned()],
+        fidelity: None,
         spectrum: Some(Spectrum {
             eigenvalues: list(1.1).into_iter().map(Some).collect(),
             imaginary_parts: None,
