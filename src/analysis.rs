@@ -177,9 +177,11 @@ pub fn analyze_by(
     };
     warnings.splice(0..0, cloud.notes().iter().cloned());
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
-    drop((tree, nearest, cells, surveyed, triangles));
+    drop((tree, nearest, surveyed, triangles));
     progress.checkpoint()?;
     let (Assembled { laplacian, narrow }, place) = without_small_components(assembled, &warnings)?;
+    sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
+    drop(cells);
     let used = laplacian.mass.len();
     let mut report = Report {
         operator: parameters.operator,

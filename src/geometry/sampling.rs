@@ -37,6 +37,19 @@ impl Sampling {
         self.rim_cells as f64 > RIM_SHARE * cells.sqrt()
     }
 
+    /// Leaves out the cells of points that carry no result: area, spacing and counts are those of the others.
+    pub fn keep(&mut self, cells: &Cells, intrinsic: usize, keep: impl Fn(usize) -> bool) {
+        let kept: Vec<usize> = (0..cells.volume.len()).filter(|&i| keep(i)).collect();
+        if kept.len() == cells.volume.len() || kept.is_empty() {
+            return;
+        }
+        let count = |kind: CellKind| kept.iter().filter(|&&i| cells.kind[i] == kind).count();
+        self.area = kept.iter().map(|&i| cells.volume[i]).sum();
+        self.spacing = (self.area / kept.len() as f64).powf(1.0 / intrinsic as f64);
+        self.rim_cells = count(CellKind::Rim);
+        self.invalid_cells = count(CellKind::Invalid);
+    }
+
     /// Takes the measures; the paper gives no estimator of ε, the quantile is ours.
     #[must_use]
     pub fn measure(points: &Points, nearest: &NearestNeighbors, intrinsic: usize, cells: &Cells) -> Self {

@@ -64,7 +64,16 @@ pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
         Some((length, euler)) => (length, Some(euler)),
         None => (None, None),
     };
+    // a length is positive, and one that its own error swallows is not known
+    let length = length.filter(|length| length.value > length.uncertainty);
+    // two numbers of the same surface that exclude each other are both unknown
+    let area = area.filter(|area| {
+        (area.area - sampling.area).abs() <= AREA_MISFIT_MAX * sampling.area + 3.0 * area.uncertainty
+    });
     let rounded = euler.filter(|euler| euler.uncertainty < 0.5).map(|euler| euler.value.round() as i64);
+    // without rims an orientable surface of any number of parts has an even characteristic
+    let odd = !is_open && rounded.is_some_and(|whole| whole % 2 != 0);
+    let (euler, rounded) = if odd { (None, None) } else { (euler, rounded) };
     Invariants {
         cell_area: sampling.area,
         heat_trace_area: area.map(|area| Estimate { value: area.area, uncertainty: area.uncertainty }),

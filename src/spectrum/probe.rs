@@ -12,7 +12,12 @@ use super::{Problem, SpectrumError};
 use crate::progress::Progress;
 
 const VECTORS: usize = 8;
-const STEPS: usize = 4;
+
+/// Steps at least and at most: between them it goes on until the smallest value settles.
+const STEPS: [usize; 2] = [4, 24];
+
+/// Relative change of the smallest value in one step at which it has settled.
+const SETTLED: f64 = 0.01;
 
 /// What draws vectors towards the small eigenvalues.
 pub(super) enum Towards<'a> {
@@ -32,7 +37,8 @@ pub(super) struct Probe {
 }
 
 impl Probe {
-    /// A few steps from hashed vectors.
+    /// Steps from hashed vectors until the smallest value settles. What a probe does not find may be there all the same:
+    /// unlike a count by inertia it is no proof.
     ///
     /// # Errors
     /// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].
@@ -46,8 +52,8 @@ impl Probe {
         start::fill(&mut vectors, 1 << 20);
         let mut values = Vec::new();
         let mut product = Block::zeros(problem.size(), VECTORS);
-        for step in 0..STEPS {
-            progress.advance(step as f64 / STEPS as f64)?;
+        for step in 0..STEPS[1] {
+            progress.advance(step as f64 / STEPS[1] as f64)?;
             match towards {
                 Towards::Inverse(factor) => factor.solve(&mut vectors, progress)?,
                 Towards::Preconditioned(preconditioner) => {
@@ -61,7 +67,15 @@ impl Probe {
             problem.project_out_null(&mut vectors);
             orthonormalize(&mut vectors, found, progress)?;
             sparse_product(&mut product, &problem.matrix, &vectors);
-            (values, _) = eigen(gram(&vectors, &product).as_ref())?;
+            let (next, _) = eigen(gram(&vectors, &product).as_ref())?;
+            let before: Vec<f64> = std::mem::replace(&mut values, next);
+            let settled = before
+                .first()
+                .zip(values.first())
+                .is_some_and(|(before, now)| (before - now).abs() <= SETTLED * now.abs());
+            if settled && step + 1 >= STEPS[0] {
+                break;
+            }
         }
         Ok(Self { values, vectors })
     }

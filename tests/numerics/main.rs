@@ -10,6 +10,7 @@ mod harmonics;
 mod invariances;
 mod operators;
 mod robustness;
+mod sampling;
 mod scans;
 
 use chladni::analysis::{Analysis, JobKind, Parameters, analyze};

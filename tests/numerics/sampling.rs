@@ -1,0 +1,202 @@
+//! Clouds as scanners make them: ties, steps of density, lines, noise, copies.
+
+use std::f64::consts::PI;
+
+use chladni::analysis::{AnalysisError, JobKind, Parameters, analyze};
+use chladni::operator::OperatorKind::{self, PbMhb, Voronoi};
+use chladni::progress::Progress;
+use rstest::rstest;
+
+use crate::{cloud, eigen, eigenvalues, fibonacci_sphere, hashed, parameters, worst_error};
+
+/// Eigenvalues of the unit sphere, zero left out, the first levels whole.
+fn sphere(levels: usize) -> Vec<f64> {
+    (1..=levels).flat_map(|l| std::iter::repeat_n((l * (l + 1)) as f64, 2 * l + 1)).collect()
+}
+
+/// `rings` − 1 rings of twice as many points and two poles: every distance occurs many times.
+fn latlong(rings: u32) -> Vec<f64> {
+    let step = PI / f64::from(rings);
+    let mut points: Vec<f64> = (1..rings)
+        .flat_map(|i| (0..2 * rings).map(move |j| (step * f64::from(i), step * f64::from(j))))
+        .flat_map(|(theta, phi)| [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()])
+        .collect();
+    points.extend([0.0, 0.0, 1.0, 0.0, 0.0, -1.0]);
+    points
+}
+
+/// Independent points of the unit sphere.
+fn iid_sphere(n: u64) -> Vec<f64> {
+    (0..n)
+        .flat_map(|i| {
+            let (z, angle) = (2.0 * hashed(2 * i) - 1.0, 2.0 * PI * hashed(2 * i + 1));
+            let radius = (1.0 - z * z).sqrt();
+            [radius * angle.cos(), radius * angle.sin(), z]
+        })
+        .collect()
+}
+
+#[test]
+fn equal_distances_put_no_neighbor_twice_into_a_row() {
+    for rings in 17..40 {
+        let points = cloud(3, latlong(rings));
+        let analysis =
+            analyze(&points, JobKind::Operator, &parameters(Voronoi, 30), &Progress::new()).unwrap();
+        let matrix = analysis.operator_matrix().unwrap();
+        assert!(matrix.is_symmetric(), "{rings}");
+        for row in matrix.offsets.windows(2) {
+            let columns = &matrix.columns[row[0] as usize..row[1] as usize];
+            assert!(columns.windows(2).all(|pair| pair[0] < pair[1]), "{rings}");
+        }
+    }
+}
+
+#[rstest]
+#[case(Voronoi)]
+#[case(PbMhb)]
+fn latitudes_and_longitudes_have_the_spectrum_of_the_sphere(#[case] kind: OperatorKind) {
+    for rings in [17, 29, 64] {
+        let found = eigenvalues(&eigen(&cloud(3, latlong(rings)), &parameters(kind, 26)));
+        let bound = 0.05 * (17.0 / f64::from(rings)).powi(2) + 0.015;
+        assert!(worst_error(&found, &sphere(4)) < bound, "{rings}: {}", worst_error(&found, &sphere(4)));
+    }
+}
+
+/// 400 points take the dense solver, 1,500 the iterations.
+#[rstest]
+#[case(Voronoi, 400)]
+#[case(Voronoi, 1_500)]
+#[case(PbMhb, 400)]
+#[case(PbMhb, 1_500)]
+fn eigenvalues_times_squared_lengths_do_not_depend_on_the_unit(#[case] kind: OperatorKind, #[case] n: u64) {
+    let points = iid_sphere(n);
+    let exact = Parameters { tolerance: 1e-9, ..parameters(kind, 25) };
+    let expected = eigenvalues(&eigen(&cloud(3, points.clone()), &exact));
+    for scale in [1e-9, 1e-6, 3e-3, 1e5, 1e9] {
+        let scaled = cloud(3, points.iter().map(|x| scale * x).collect());
+        let analysis = eigen(&scaled, &exact);
+        let found: Vec<f64> = eigenvalues(&analysis).iter().map(|value| value * scale * scale).collect();
+        assert!(
+            worst_error(&found, &expected[1..]) < 1e-10,
+            "{scale}: {}",
+            worst_error(&found, &expected[1..])
+        );
+        let area: f64 = analysis.mass().iter().sum();
+        assert!((area / (scale * scale) / analysis.report.sampling.area * scale * scale - 1.0).abs() < 1e-12);
+    }
+}
+
+/// One half of the sphere with so many times the points of the other.
+#[rstest]
+#[case(Voronoi, 16, 0.03)]
+#[case(Voronoi, 32, 0.05)]
+#[case(PbMhb, 16, 0.03)]
+fn a_step_of_density_is_no_hole(#[case] kind: OperatorKind, #[case] ratio: usize, #[case] bound: f64) {
+    let (dense, sparse) = (fibonacci_sphere(8_000), fibonacci_sphere(8_000 / ratio));
+    let mut points: Vec<f64> = dense.chunks(3).filter(|p| p[2] >= 0.0).flatten().copied().collect();
+    points.extend(sparse.chunks(3).filter(|p| p[2] < 0.0).flatten());
+    let analysis = eigen(&cloud(3, points), &parameters(kind, 17));
+    let found = eigenvalues(&analysis);
+    assert_eq!(analysis.report.components, 1);
+    assert!(worst_error(&found, &sphere(3)) < bound, "{}", worst_error(&found, &sphere(3)));
+}
+
+/// Lines around a cylinder eight times as far apart as the points on them.
+#[test]
+fn lines_of_a_scanner_are_one_surface() {
+    let (lines, along) = (22, 275);
+    let points = (0..lines * along)
+        .flat_map(|i| {
+            let angle = 2.0 * PI * f64::from(i % along) / f64::from(along);
+            [angle.cos(), angle.sin(), 2.0 * f64::from(i / along) / f64::from(lines - 1)]
+        })
+        .collect();
+    let mut exact: Vec<f64> = (-9..10)
+        .flat_map(|a: i32| (0..9).map(move |b| f64::from(a * a) + (0.5 * PI * f64::from(b)).powi(2)))
+        .collect();
+    exact.sort_by(f64::total_cmp);
+    let analysis = eigen(&cloud(3, points), &parameters(Voronoi, 20));
+    assert_eq!(analysis.report.components, 1);
+    let found = eigenvalues(&analysis);
+    assert!(worst_error(&found, &exact[1..20]) < 0.04, "{}", worst_error(&found, &exact[1..20]));
+}
+
+/// Noise along the normals, as a share of the spacing, lengthens distances; smoothed it does not.
+#[rstest]
+#[case(Voronoi, 0.25, 0.03)]
+#[case(PbMhb, 0.25, 0.03)]
+#[case(Voronoi, 0.5, 0.06)]
+fn noise_is_told_and_taken_out_of_lengths(
+    #[case] kind: OperatorKind,
+    #[case] share: f64,
+    #[case] bound: f64,
+) {
+    let n = 6_000;
+    let spacing = (4.0 * PI / f64::from(n)).sqrt();
+    let mut points = fibonacci_sphere(n as usize);
+    for (i, p) in points.chunks_mut(3).enumerate() {
+        // a sum of twelve uniform numbers is nearly normal
+        let normal: f64 = (0..12).map(|k| hashed(12 * i as u64 + k)).sum::<f64>() - 6.0;
+        p.iter_mut().for_each(|x| *x *= 1.0 + share * spacing * normal);
+    }
+    let analysis = eigen(&cloud(3, points), &parameters(kind, 17));
+    let found = eigenvalues(&analysis);
+    assert!(worst_error(&found, &sphere(3)) < bound, "{}", worst_error(&found, &sphere(3)));
+    let noise = analysis.report.fidelity.unwrap().noise;
+    assert!((noise / share - 1.0).abs() < 0.25, "{noise}");
+    assert!(analysis.report.warnings.iter().any(|warning| warning.contains("scatter")));
+}
+
+/// A copy in single precision, and five frames with a jitter of a thousandth of the spacing.
+#[rstest]
+#[case(Voronoi)]
+#[case(PbMhb)]
+fn repetitions_are_one_point_and_every_row_has_its_result(#[case] kind: OperatorKind) {
+    let points = fibonacci_sphere(2_000);
+    let mut copied = points.clone();
+    copied.extend(points.iter().map(|&x| f64::from(x as f32)));
+    let jittered: Vec<f64> =
+        (0..5 * points.len()).map(|k| points[k % points.len()] + 8e-5 * (hashed(k as u64) - 0.5)).collect();
+    let expected = eigenvalues(&eigen(&cloud(3, points), &parameters(kind, 10)));
+    for (repeated, merged) in [(copied, 2_000), (jittered, 8_000)] {
+        let analysis = eigen(&cloud(3, repeated), &parameters(kind, 10));
+        assert_eq!(analysis.report.fidelity.unwrap().merged, merged);
+        assert!((analysis.report.sampling.area / (4.0 * PI) - 1.0).abs() < 0.01);
+        assert!(worst_error(&eigenvalues(&analysis), &expected[1..]) < 0.002);
+        assert!(analysis.basis(3).iter().all(|x| x.is_finite()));
+        assert!((analysis.mass().iter().sum::<f64>() / analysis.report.sampling.area - 1.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn lengths_beyond_all_sense_are_refused_before_any_work() {
+    let points = cloud(3, fibonacci_sphere(200));
+    let default = || parameters(PbMhb, 10);
+    for (name, beyond) in [
+        ("t", Parameters { t: Some(1e308), ..default() }),
+        ("t", Parameters { t: Some(1e-308), ..default() }),
+        ("epsilon", Parameters { epsilon: Some(1e308), ..default() }),
+        ("delta", Parameters { delta: Some(1e308), ..default() }),
+        ("t_factor", Parameters { t_factor: Some(1e308), ..default() }),
+        ("delta_factor", Parameters { delta_factor: Some(1e308), ..default() }),
+    ] {
+        let error = analyze(&points, JobKind::Eigen, &beyond, &Progress::new()).unwrap_err();
+        assert!(matches!(error, AnalysisError::Parameter { name: found, .. } if found == name), "{error}");
+    }
+}
+
+/// `Δz = −2z` on the unit sphere: the error falls as there are more points.
+#[test]
+fn an_applied_operator_converges_on_independent_points() {
+    let errors = [1_000, 8_000].map(|n| {
+        let points = iid_sphere(n);
+        let z: Vec<f64> = points.chunks(3).map(|p| p[2]).collect();
+        let analysis =
+            analyze(&cloud(3, points), JobKind::Operator, &parameters(PbMhb, 10), &Progress::new()).unwrap();
+        let found = analysis.laplacian_of(&z).unwrap();
+        let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|x| x * x).sum::<f64>();
+        let off = squares(&mut found.iter().zip(&z).map(|(found, z)| found + 2.0 * z));
+        (off / squares(&mut z.iter().map(|z| 2.0 * z))).sqrt()
+    });
+    assert!(errors[1] < 0.1 && errors[1] < errors[0], "{errors:?}");
+}
