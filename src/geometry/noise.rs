@@ -17,14 +17,19 @@ const NEIGHBORS: usize = 20;
 /// Noise over spacing from which on fits take more neighbours.
 const STRONG: f64 = 0.3;
 
+/// Share of the points that are taken for the quietest, and how far the deviation of 15 degrees of freedom at that quantile
+/// is below the true one.
+const QUIET: f64 = 0.1;
+const QUIET_DEVIATION: f64 = 0.755;
+
 /// Points at which the noise is estimated.
 const SAMPLES: usize = 2_000;
 
 /// Noise of points in space about a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
-    /// Median over a sample of points of the standard deviation from a quadratic surface through the neighbours, over
-    /// the local spacing.
+    /// Standard deviation from a quadratic surface through the neighbours over the local spacing, as it is around the
+    /// quietest points: creases and thin parts are off such surfaces too, noise is everywhere.
     pub share: f64,
 }
 
@@ -45,8 +50,8 @@ impl Noise {
         if shares.is_empty() {
             return Self { share: 0.0 };
         }
-        let middle = shares.len() / 2;
-        Self { share: *shares.select_nth_unstable_by(middle, f64::total_cmp).1 }
+        let place = (shares.len() as f64 * QUIET) as usize;
+        Self { share: *shares.select_nth_unstable_by(place, f64::total_cmp).1 / QUIET_DEVIATION }
     }
 
     /// The points moved onto the quadratic surfaces through their neighbours.

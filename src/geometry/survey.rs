@@ -42,8 +42,10 @@ impl Default for Rules {
     }
 }
 
-/// Planes turned by less than this (sine of the angle) see the same triangles.
-const TURN_MIN: f64 = 0.1;
+/// Planes that the triangles turn by less than this (sine of the angle) are left as they are. With 0.1 the worst error of
+/// 29 eigenvalues is 11.8 instead of 7.8 % on a camel's head and 3.3 instead of 1.9 % on a bust, with 0.6 2.4 instead of
+/// 2.1 % on a boar of uneven points.
+const TURN_MIN: f64 = 0.3;
 
 /// Widest gap in a star that lost the neighbours that face the other way: half of the plane on an edge, more beside a knife
 /// edge that no point lies on, where only these close it. On the thin boat the worst error of 29 eigenvalues is 7.5 %
