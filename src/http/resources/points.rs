@@ -92,9 +92,11 @@ pub(crate) async fn points(
     let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
     let id = parse_id(&id)?;
     let is_streamed = offer == NPY || (offer == PLY && arguments.word("encoding") != Some("ascii"));
-    // Whole files stand beside the cloud, and text is twice as long.
-    let times = if is_streamed { 1 } else { 3 };
-    let bytes = times * service.store.cloud(id).await?.bytes();
+    // Whole files stand beside the cloud. Text is three times as long, and JSON is put together from lists of numbers.
+    let times = if is_streamed { 1 } else { 6 };
+    let record = service.store.cloud(id).await?;
+    let drawn = if offer == PNG { view::bytes(&view::read(&arguments), record.points) } else { 0 };
+    let bytes = times * record.bytes() + drawn;
     let reservation = service.memory.reserve(owners::owner(&extensions), bytes).await?;
     let cloud = Arc::new(service.store.load_cloud(id).await?);
     let mut download =

@@ -11,11 +11,12 @@ use utoipa::openapi::response::ResponseBuilder;
 use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, Schema};
 use uuid::Uuid;
 
+use super::view;
 use crate::analysis::JobKind;
 use crate::harmonics::Modes;
 use crate::http::service::Shared;
 use crate::http::wait;
-use crate::http::wire::accept::{self, JSON, NPY, Offer, PLY};
+use crate::http::wire::accept::{self, JSON, NPY, Offer, PLY, PNG};
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::owners;
 use crate::http::wire::problem::{self, Kind, Problem};
@@ -154,9 +155,14 @@ impl<R: Resource> Asked<R> {
     ) -> Result<Harmonics, Problem> {
         let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
         let bases = StoredBases::new(store, compute, &job, spectrum.eigenvalues.len());
-        // The cloud, the functions on it, and what becomes of them.
         let cloud = self.service.store.cloud(job.cloud_id).await?.bytes();
-        reservation.add(bases.bytes_at_work() + 3 * cloud).await?;
+        // The cloud, the functions on it, and what becomes of them: text of three times the size, or a picture.
+        let answer = match self.offer {
+            JSON => 10 * cloud,
+            PNG => 3 * cloud + view::bytes(&view::read(&self.arguments), job.points),
+            _ => 3 * cloud,
+        };
+        reservation.add(bases.bytes_at_work() + answer).await?;
         Ok(Harmonics { modes: Modes::of(&spectrum), job, bases, reservation })
     }
 

@@ -17,6 +17,9 @@ use crate::http::wire::problem::Problem;
 use crate::jobs::StoredBases;
 use crate::store::JobRecord;
 
+/// Bytes of a number in blocks, in columns, and as a value of JSON.
+const VALUE_BYTES: u64 = 8 + 8 + 32;
+
 /// Makes the columns of a block of rows.
 type Work = dyn Fn(&Block<Vec<f64>>) -> Vec<Vec<f64>> + Send + Sync;
 
@@ -59,6 +62,8 @@ impl PerRow {
         };
         let compute = asked.service.compute.clone();
         if asked.offer == JSON {
+            let numbers = (self.bases.rows() * self.names.len()) as u64;
+            self.reservation.add(numbers * (VALUE_BYTES + asked.number_bytes())).await?;
             let blocks = {
                 let work = Arc::clone(&self.work);
                 self.bases.map(move |block| work(block)).await?
