@@ -1,5 +1,7 @@
 //! Sending clouds, and getting them back.
 
+use std::time::Instant;
+
 use chladni::cloud::reader::{self, Format, ReadOptions};
 use reqwest::multipart::{Form, Part};
 use reqwest::{Method, StatusCode};
@@ -79,6 +81,31 @@ async fn every_form_arrives_whole() {
         client.await.unwrap();
     }
     println!("{uploads} of {uploads} multipart uploads arrived");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nobody_waits_for_answers_whose_clients_have_left() {
+    const CLIENTS: u32 = 40;
+    let service = Service::with_settings(|settings| settings.threads = 1).await;
+    let id = service.succeed("kind=operator", file(&sphere(10_000), Format::Npy)).await;
+    let path = format!("/jobs/{id}/operator.mtx");
+    let asked = async |path: &str| {
+        let began = Instant::now();
+        let answer = service.get(path).await;
+        assert_eq!(answer.status(), StatusCode::OK);
+        answer.bytes().await.unwrap();
+        began.elapsed()
+    };
+    let alone = asked(&path).await;
+    let left = (0..CLIENTS).map(|_| service.client.get(service.url(&path)).timeout(alone / 4).send());
+    let left = futures_util::future::join_all(left).await;
+    assert!(left.iter().filter(|answer| answer.is_err()).count() > CLIENTS as usize / 2, "they leave early");
+    let began = Instant::now();
+    let upload = service.post("/clouds?analyze=false&format=xyz", b"1 2 3\n4 5 6\n".to_vec()).await;
+    assert_eq!(upload.status(), StatusCode::CREATED);
+    let (upload, after) = (began.elapsed(), asked(&path).await);
+    println!("alone {alone:?}; after {CLIENTS} clients left: upload {upload:?}, the same answer {after:?}");
+    assert!(after < alone * CLIENTS / 3 && upload < alone * CLIENTS / 3);
 }
 
 #[tokio::test]
