@@ -39,7 +39,7 @@ pub(crate) struct SampleArgs {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     angle: f64,
 
-    /// File to write; its extension chooses the format: ply, obj, off, xyz, csv, npy, las or laz. `-` is standard output
+    /// File to write; its extension chooses the format: ply, obj, off, stl, xyz, csv, npy, pcd, las or laz. `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &SampleArgs) -> Result<(), Failure> {
     let &SampleArgs { shape, points, sampling, noise, seed, angle, ref output, .. } = args;
     let format = format(args)?;
     if shape.ambient_dimension() > 3
-        && matches!(format, Format::Obj | Format::Off | Format::Las | Format::Laz)
+        && matches!(format, Format::Obj | Format::Off | Format::Stl | Format::Las | Format::Laz)
     {
         let message = format!(
             "{format} holds points of 3 coordinates; {} has {}",

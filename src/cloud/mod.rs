@@ -306,6 +306,39 @@ impl PointCloud {
         self.nonfinite
     }
 
+    /// The rows that have a position, with the faces between them.
+    ///
+    /// # Errors
+    /// [`CloudError::Empty`] when no row has one.
+    pub fn without_nonfinite(&self) -> Result<Self, CloudError> {
+        let is_finite = |row: &usize| self.point(*row).iter().all(|x| x.is_finite());
+        let rows: Vec<usize> = (0..self.len()).filter(is_finite).collect();
+        let mut place = vec![u32::MAX; self.len()];
+        rows.iter().enumerate().for_each(|(new, &old)| place[old] = new as u32);
+        let coordinates = rows.iter().flat_map(|&row| self.point(row).iter().copied()).collect();
+        let fields = self.fields.iter().map(|field| ScalarField {
+            name: field.name.clone(),
+            kind: field.kind,
+            values: rows.iter().map(|&row| field.values[row]).collect(),
+        });
+        // A polygon that loses a corner is left out whole.
+        let (mut faces, mut continued) = (Vec::new(), Vec::new());
+        for fan in self.polygons() {
+            let moved: Vec<[u32; 3]> = fan.iter().map(|t| t.map(|corner| place[corner as usize])).collect();
+            if !moved.as_flattened().contains(&u32::MAX) {
+                continued.extend((1..moved.len()).map(|i| (faces.len() + i) as u32));
+                faces.extend(moved);
+            }
+        }
+        Self::new(self.dimension, coordinates, NonFinite::Reject)?
+            .with_coordinate_type(self.coordinate_type)
+            .with_grids(self.grids)
+            .with_origin(self.origin.clone())
+            .with_fields(fields.collect())?
+            .with_faces(faces)?
+            .with_polygons(continued)
+    }
+
     /// Axis-aligned bounding box of the finite points, `(minimum, maximum)`; `None` when there are none.
     #[must_use]
     pub fn bounding_box(&self) -> Option<(Vec<f64>, Vec<f64>)> {
@@ -326,6 +359,29 @@ impl PointCloud {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_without_a_position_can_be_left_out_with_the_faces_at_them() {
+        let nan = f64::NAN;
+        let points = vec![0.0, 0.0, nan, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0];
+        let field = ScalarField {
+            name: "a".to_owned(),
+            kind: ScalarType::Int8,
+            values: vec![1.0, 2.0, 3.0, 4.0, 5.0],
+        };
+        let cloud = PointCloud::new(2, points, NonFinite::Drop)
+            .and_then(|cloud| cloud.with_fields(vec![field]))
+            .and_then(|cloud| cloud.with_faces(vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [2, 3, 4]]))
+            .and_then(|cloud| cloud.with_polygons(vec![2]))
+            .unwrap();
+        let whole = cloud.without_nonfinite().unwrap();
+        assert_eq!(
+            (whole.len(), whole.nonfinite(), &whole.fields()[0].values[..]),
+            (4, 0, &[1.0, 3.0, 4.0, 5.0][..])
+        );
+        assert_eq!((whole.faces(), whole.continued()), (&[[0, 1, 2], [0, 2, 3], [1, 2, 3]][..], &[1][..]));
+        assert_eq!(whole.without_nonfinite(), Ok(whole));
+    }
 
     #[test]
     fn polygons_are_fans_of_consecutive_triangles() {

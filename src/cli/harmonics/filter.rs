@@ -1,8 +1,10 @@
 //! `chladni filter`: the cloud with its coordinates, or some of its fields, filtered.
 
+use std::io::Write;
 use std::path::PathBuf;
 
-use chladni::cloud::writer::{PlyEncoding, write_annotated_ply};
+use chladni::cloud::reader::Format;
+use chladni::cloud::writer::{PlyEncoding, write, write_annotated_ply};
 use chladni::harmonics::filtered::{self, Target};
 use chladni::harmonics::functions::rows_without_result;
 use chladni::harmonics::{Filter, FilterKind, Scale, Transfer, transform};
@@ -17,7 +19,8 @@ pub(crate) struct FilterArgs {
     /// Directory that `chladni analyze` filled
     results: PathBuf,
 
-    /// File to write; its extension chooses the format: ply, npy or json; `-` is standard output
+    /// File to write; its extension chooses the format: ply, npy, json, or one of obj, off, stl, xyz, csv, pcd, las, laz;
+    /// `-` is standard output
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
 
@@ -90,9 +93,26 @@ impl FilterArgs {
     }
 }
 
+/// What a filtered cloud is written as.
+#[derive(Debug, Clone, Copy)]
+enum Form {
+    /// As other results are.
+    Result(Output),
+    /// As another file of points.
+    Cloud(Format),
+}
+
+/// PLY first; then arrays and numbers; then what else clouds are written as.
+fn offered() -> Vec<(&'static str, Form)> {
+    let others = Format::WRITTEN.into_iter().filter(|format| !matches!(format, Format::Ply | Format::Npy));
+    let results =
+        [Output::Ply, Output::Npy, Output::Json].map(|output| (output.name(), Form::Result(output)));
+    results.into_iter().chain(others.map(|format| (format.name(), Form::Cloud(format)))).collect()
+}
+
 /// Reads, filters, writes.
 pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
-    let format = Output::of(&args.output, &args.writing, &[Output::Ply, Output::Npy, Output::Json])?;
+    let format = args.writing.choice(&args.output, &offered())?;
     let results = Results::read(&args.results)?;
     let (transfer, description) = if args.gains.is_empty() {
         let filter = args.filter();
@@ -111,8 +131,8 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
     let columns = results.columns(|block| filtered::rows(block, &functions, &found, &transfer));
     let lost = rows_without_result(&results.mass);
     match format {
-        Output::Npy => write_npy(&columns, false, &args.output)?,
-        Output::Json => {
+        Form::Result(Output::Npy) => write_npy(&columns, false, &args.output)?,
+        Form::Result(Output::Json) => {
             let fields: serde_json::Map<String, serde_json::Value> =
                 functions.iter().zip(columns).map(|(f, column)| (f.name.clone(), column.into())).collect();
             let answer = json!({
@@ -124,7 +144,13 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
             });
             write_json(&answer, &args.output)?;
         }
-        Output::Ply => {
+        Form::Cloud(format) => {
+            let filtered = target.replaced(&cloud, &columns).map_err(Failure::other)?;
+            let mut bytes = Vec::new();
+            write(&filtered, format, &mut bytes).map_err(Failure::input)?;
+            output::write_file(&args.output, |out| out.write_all(&bytes))?;
+        }
+        Form::Result(Output::Ply) => {
             let encoding = if args.ascii { PlyEncoding::Ascii } else { PlyEncoding::BinaryLittleEndian };
             let filtered = target.replaced(&cloud, &columns).map_err(Failure::other)?;
             let comment = format!("chladni: {description}; outside of the bases x {}", transfer.outside);

@@ -32,7 +32,7 @@ pub(crate) struct CloudSummary {
     /// When it was stored, RFC 3339.
     #[schema(format = DateTime)]
     created: String,
-    /// SHA-256 of coordinates, fields and faces, in hex: the same whatever the format of the upload.
+    /// SHA-256, in hex, of all that is kept of the upload: two uploads are the same cloud if it is equal.
     digest: String,
     /// Rows of the upload.
     points: u64,
@@ -51,6 +51,8 @@ pub(crate) struct CloudSummary {
     fields: Vec<FieldRecord>,
     /// Triangles of the upload.
     faces: u64,
+    /// What was left out of the file, and what was not taken word for word.
+    warnings: Vec<String>,
     /// Where its points and jobs are.
     links: BTreeMap<&'static str, String>,
 }
@@ -94,6 +96,7 @@ impl From<&CloudRecord> for CloudSummary {
             coordinate_type: cloud.coordinate_type,
             fields: cloud.fields.clone(),
             faces: cloud.faces,
+            warnings: cloud.origin.notes.clone(),
             links: BTreeMap::from([
                 ("jobs", format!("/jobs?cloud={}", cloud.id)),
                 ("points", format!("{path}/points")),

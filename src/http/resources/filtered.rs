@@ -19,7 +19,7 @@ use crate::http::results::asked::{self, Asked, Harmonics, Resource, ResultProble
 use crate::http::results::cloud_file;
 use crate::http::results::functions::{self, BANDS, NumberLists, bands, of_own};
 use crate::http::results::view::{self, VIEW};
-use crate::http::wire::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
+use crate::http::wire::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, OBJ, OFF, Offer, PCD, PLY, PNG, STL, XYZ};
 use crate::http::wire::body::IncomingBody;
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
@@ -28,7 +28,7 @@ use crate::jobs::Wanted;
 use crate::picture::{Paint, View};
 
 /// What it can be had as.
-pub(crate) const OFFERS: [Offer; 9] = [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PNG];
+pub(crate) const OFFERS: [Offer; 13] = [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG];
 
 const fn number(name: &'static str, default: &'static str, meaning: &'static str) -> Argument {
     Argument { name, alias: None, accepts: Accepts::NonNegative, default, meaning }
@@ -89,11 +89,12 @@ pub(crate) const TARGET: &[Argument] = &[
         meaning: "Filter this field of the upload in place of the coordinates; several are separated by commas.",
     },
     asked::format(
-        &["ply", "json", "npy", "npz", "csv", "xyz", "las", "laz", "png"],
+        &["ply", "json", "npy", "npz", "csv", "xyz", "las", "laz", "pcd", "obj", "off", "stl", "png"],
         "by Accept, else ply",
-        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las` and `laz` are the upload with the filtered numbers in place; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, coloured by the first field that was filtered.",
+        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz`, `pcd`, `obj`, `off` and `stl` are the upload with the filtered numbers in place, as far as the format holds it; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, coloured by the first field that was filtered.",
     ),
     points::ENCODING,
+    points::NONFINITE,
 ];
 
 resource!(
@@ -227,10 +228,12 @@ async fn answer<R: Resource>(
     let columns = if target == Target::Coordinates { cloud.dimension() } else { names.len() };
     asked.refuse_large_json((cloud.len() * columns) as u64)?;
     let ascii = arguments.word("encoding") == Some("ascii");
+    let omits = arguments.word("nonfinite") == Some("omit");
     let view = view::read(arguments);
     let bands = bands(arguments);
     let drawn = (*offer == PNG).then(|| view::key(&view));
-    let determined = (&names, ascii, bands, transfer.outside.to_bits(), &transfer.gains, &description, drawn);
+    let determined =
+        (&names, (ascii, omits), bands, transfer.outside.to_bits(), &transfer.gains, &description, drawn);
     let tag = asked::tag(harmonics.job.id, &determined);
 
     let mass = service.store.mass(harmonics.job.id).await?;
@@ -269,7 +272,11 @@ async fn answer<R: Resource>(
             NPY => Ok(npy(&columns)),
             JSON => json(head, &target, given.iter().map(|f| f.name.clone()).zip(columns), wanted),
             PNG => picture(&target.replaced(&cloud, &columns)?, &target, &view, &description),
-            _ => file(&target.replaced(&cloud, &columns)?, offer, ascii, (&head, &description), wanted),
+            _ => {
+                let replaced = target.replaced(&cloud, &columns)?;
+                let replaced = if omits { replaced.without_nonfinite()? } else { replaced };
+                file(&replaced, offer, ascii, (&head, &description), wanted)
+            }
         }
     };
     let bytes = service.compute.run_while_wanted(encode).await??;

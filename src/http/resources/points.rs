@@ -15,7 +15,9 @@ use crate::http::results::rows::{npy_layout, ply_layout};
 use crate::http::results::view::{self, VIEW};
 use crate::http::results::{asked, cloud_file};
 use crate::http::service::Shared;
-use crate::http::wire::accept::{self, CSV, JSON, LAS, LAZ, NPY, NPZ, Offer, PLY, PNG, XYZ};
+use crate::http::wire::accept::{
+    self, CSV, JSON, LAS, LAZ, NPY, NPZ, OBJ, OFF, Offer, PCD, PLY, PNG, STL, XYZ,
+};
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::owners;
 use crate::http::wire::problem::{Problem, ProblemDocument};
@@ -25,7 +27,16 @@ use crate::picture::Paint;
 use crate::store::CHUNK_POINTS;
 
 /// What they can be had as.
-pub(crate) const OFFERS: [Offer; 9] = [PLY, NPY, JSON, NPZ, CSV, XYZ, LAS, LAZ, PNG];
+pub(crate) const OFFERS: [Offer; 13] = [PLY, NPY, JSON, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG];
+
+/// Rows without a position.
+pub(crate) const NONFINITE: Argument = Argument {
+    name: "nonfinite",
+    alias: None,
+    accepts: Accepts::Word(&["keep", "omit"]),
+    default: "keep",
+    meaning: "Rows with a NaN or infinite coordinate in files of points: keep them, row for row as uploaded, or omit them, as formats such as LAS need it.",
+};
 
 /// Encoding of PLY.
 pub(crate) const ENCODING: Argument = Argument {
@@ -38,11 +49,12 @@ pub(crate) const ENCODING: Argument = Argument {
 
 pub(crate) const ARGUMENTS: &[Argument] = &[
     asked::format(
-        &["ply", "npy", "json", "npz", "csv", "xyz", "las", "laz", "png"],
+        &["ply", "npy", "json", "npz", "csv", "xyz", "las", "laz", "pcd", "obj", "off", "stl", "png"],
         "by Accept, else ply",
-        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las` and `laz` have the coordinates and all fields of the upload, `npy` and `json` the coordinates; `png` is a picture.",
+        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz` and `pcd` have the coordinates and all fields of the upload, `npy` and `json` the coordinates, `obj` and `off` the faces too, `stl` the faces alone; `png` is a picture.",
     ),
     ENCODING,
+    NONFINITE,
 ];
 
 arguments!(
@@ -70,7 +82,7 @@ pub(crate) struct Points {
     tag = "clouds",
     params(("id" = Uuid, Path, description = "The cloud."), ReadPoints),
     responses(
-        (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"), (Vec<u8> = "application/x-npz"), (String = "text/csv"), (String = "text/x-xyz"), (Vec<u8> = "application/vnd.las"), (Vec<u8> = "application/vnd.laszip"), (Vec<u8> = "image/png"))),
+        (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"), (Vec<u8> = "application/x-npz"), (String = "text/csv"), (String = "text/x-xyz"), (Vec<u8> = "application/vnd.las"), (Vec<u8> = "application/vnd.laszip"), (Vec<u8> = "application/x-pcd"), (String = "model/obj"), (String = "application/x-off"), (Vec<u8> = "model/stl"), (Vec<u8> = "image/png"))),
         (status = 206, description = "The range asked for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
         (status = 304, description = "The client's copy is current."),
         (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
@@ -98,16 +110,22 @@ pub(crate) async fn points(
     let drawn = if offer == PNG { view::bytes(&view::read(&arguments), record.points) } else { 0 };
     let bytes = times * record.bytes() + drawn;
     let reservation = service.memory.reserve(owners::owner(&extensions), bytes).await?;
-    let cloud = Arc::new(service.store.load_cloud(id).await?);
+    let omits = arguments.word("nonfinite") == Some("omit");
+    let loaded = service.store.load_cloud(id).await?;
+    let cloud = if omits && loaded.nonfinite() > 0 {
+        Arc::new(service.compute.run(move || loaded.without_nonfinite()).await??)
+    } else {
+        Arc::new(loaded)
+    };
     let mut download =
-        Download { offer, tag: id.simple().to_string(), stem: format!("cloud-{id}"), length: None };
+        Download { offer, tag: asked::tag(id, &omits), stem: format!("cloud-{id}"), length: None };
     let encoding = match arguments.word("encoding") {
         Some("ascii") => PlyEncoding::Ascii,
         _ => PlyEncoding::BinaryLittleEndian,
     };
     if !is_streamed {
         let view = view::read(&arguments);
-        download.tag = asked::tag(id, &(encoding == PlyEncoding::Ascii, view::key(&view)));
+        download.tag = asked::tag(id, &(encoding == PlyEncoding::Ascii, omits, view::key(&view)));
         let encode = move |wanted: &Wanted| match offer {
             JSON => json(&cloud, wanted),
             PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}")),

@@ -5,12 +5,12 @@ use std::io;
 use crate::cloud::PointCloud;
 use crate::cloud::reader::Format;
 use crate::cloud::writer::{PlyEncoding, write, write_annotated_ply, write_npz};
-use crate::http::wire::accept::{CSV, LAS, LAZ, NPZ, Offer, XYZ};
+use crate::http::wire::accept::{NPZ, Offer, PLY};
 use crate::http::wire::download::unwritten;
 use crate::http::wire::problem::{Kind, Problem};
 use crate::jobs::Wanted;
 
-/// Writes a cloud with all its fields as NPZ, CSV, XYZ, LAS or LAZ; otherwise as PLY with comments.
+/// Writes a cloud in a format of clouds; as PLY with comments.
 ///
 /// # Errors
 /// A problem when the format cannot hold this cloud.
@@ -25,11 +25,11 @@ pub(crate) fn encode(
     let mut out = wanted.writer(&mut bytes);
     let written = match offer {
         NPZ => write_npz(cloud, &mut out),
-        CSV => write(cloud, Format::Csv, &mut out),
-        XYZ => write(cloud, Format::Xyz, &mut out),
-        LAS => write(cloud, Format::Las, &mut out),
-        LAZ => write(cloud, Format::Laz, &mut out),
-        _ => write_annotated_ply(cloud, encoding, comments, &mut out),
+        PLY => write_annotated_ply(cloud, encoding, comments, &mut out),
+        other => match Format::from_name(other.name) {
+            Some(format) => write(cloud, format, &mut out),
+            None => return Err(Problem::internal(&format!("{} is not a format of clouds", other.name))),
+        },
     };
     match written {
         Ok(()) => Ok(bytes),

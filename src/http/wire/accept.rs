@@ -35,6 +35,14 @@ pub(crate) const XYZ: Offer = Offer { name: "xyz", media_types: &["text/x-xyz", 
 pub(crate) const LAS: Offer = Offer { name: "las", media_types: &["application/vnd.las"] };
 /// LAS compressed by `LASzip`.
 pub(crate) const LAZ: Offer = Offer { name: "laz", media_types: &["application/vnd.laszip"] };
+/// Wavefront OBJ.
+pub(crate) const OBJ: Offer = Offer { name: "obj", media_types: &["model/obj"] };
+/// Object file format of Geomview.
+pub(crate) const OFF: Offer = Offer { name: "off", media_types: &["application/x-off"] };
+/// Triangles of stereolithography.
+pub(crate) const STL: Offer = Offer { name: "stl", media_types: &["model/stl"] };
+/// Point Cloud Library.
+pub(crate) const PCD: Offer = Offer { name: "pcd", media_types: &["application/x-pcd"] };
 /// A picture.
 pub(crate) const PNG: Offer = Offer { name: "png", media_types: &["image/png"] };
 /// A plot.
