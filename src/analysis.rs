@@ -47,6 +47,19 @@ pub fn admit(cloud: &PointCloud, parameters: &Parameters) -> Result<usize, Analy
     Ok(points.duplicates())
 }
 
+/// Lowers a number of bases that nobody named to what a small cloud allows.
+///
+/// # Errors
+/// As [`admit`].
+pub fn lower_bases(cloud: &PointCloud, parameters: &mut Parameters) -> Result<(), AnalysisError> {
+    if cloud.len() < BASES_SHARE * parameters.bases {
+        parameters.check()?;
+        let points = Points::prepare(cloud, parameters.dimension)?.len();
+        parameters.bases = parameters.bases.min(bases_max(parameters, points));
+    }
+    Ok(())
+}
+
 /// The cloud's triangles, for operators that need them.
 fn triangles(
     cloud: &PointCloud,
@@ -73,17 +86,30 @@ fn triangles(
     Ok(triangles)
 }
 
+/// Of larger clouds one base per so many points is computed at most.
+const BASES_SHARE: usize = 5;
+
+/// Points up to which an operator is solved densely, for all bases.
+fn dense_max(parameters: &Parameters) -> usize {
+    if parameters.operator.is_pcd() { DENSE_POINTS_MAX_GENERAL } else { DENSE_POINTS_MAX }
+}
+
+/// The most bases of so many distinct points.
+fn bases_max(parameters: &Parameters, points: usize) -> usize {
+    if points > dense_max(parameters) { points / BASES_SHARE } else { points }
+}
+
 fn check_bases(parameters: &Parameters, points: usize) -> Result<(), AnalysisError> {
     let bases = parameters.bases;
     let refuse = |reason| Err(AnalysisError::Parameter { name: "bases", reason });
     if bases > points {
         return refuse(format!("{bases} bases asked of {points} distinct points; at most {points} exist"));
     }
-    let dense_max = if parameters.operator.is_pcd() { DENSE_POINTS_MAX_GENERAL } else { DENSE_POINTS_MAX };
-    if points > dense_max && bases > points / 5 {
+    let dense_max = dense_max(parameters);
+    if bases > bases_max(parameters, points) {
         return refuse(format!(
             "{bases} bases asked of {points} points; above {dense_max} points at most a fifth of them, {}, are computed",
-            points / 5
+            points / BASES_SHARE
         ));
     }
     Ok(())
@@ -176,6 +202,17 @@ pub fn analyze_by(
         triangles: &triangles,
     };
     warnings.splice(0..0, cloud.notes().iter().cloned());
+    let default = Parameters::default().bases;
+    if kind == JobKind::Eigen
+        && parameters.bases < default
+        && parameters.bases == bases_max(parameters, points.len())
+    {
+        warnings.push(format!(
+            "{} bases were computed, the most that {} distinct points allow; the default is {default}",
+            parameters.bases,
+            points.len()
+        ));
+    }
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, surveyed, triangles));
     progress.checkpoint()?;

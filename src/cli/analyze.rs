@@ -65,9 +65,9 @@ struct ParameterArgs {
     #[arg(long, value_name = "K", default_value_t = Parameters::default().dimension)]
     dimension: usize,
 
-    /// Number of eigenpairs, the zero modes included
-    #[arg(long, short = 'k', value_name = "K", default_value_t = Parameters::default().bases)]
-    bases: usize,
+    /// Number of eigenpairs, the zero modes included [default: 100, or what a small cloud allows]
+    #[arg(long, short = 'k', value_name = "K")]
+    bases: Option<usize>,
 
     /// Largest relative residual of an eigenpair
     #[arg(long = "tol", alias = "tolerance", value_name = "RESIDUAL", default_value_t = Parameters::default().tolerance)]
@@ -135,7 +135,7 @@ impl ParameterArgs {
         Parameters {
             operator: self.operator,
             dimension: self.dimension,
-            bases: self.bases,
+            bases: self.bases.unwrap_or(Parameters::default().bases),
             tolerance: self.tolerance,
             t: self.t,
             t_factor: self.t_factor,
@@ -201,8 +201,12 @@ fn analyze_into(
 ) -> Result<(), Failure> {
     let cloud = args.reading.read(&args.cloud)?;
     let functions = args.apply.as_deref().map(|path| functions(path, cloud.len())).transpose()?;
-    analysis::admit(&cloud, parameters).map_err(|error| of_analysis(&error))?;
-    let ran = run::with_progress(&cloud, kind, parameters, args.threads, watch)?;
+    let mut parameters = parameters.clone();
+    if args.parameters.bases.is_none() {
+        analysis::lower_bases(&cloud, &mut parameters).map_err(|error| of_analysis(&error))?;
+    }
+    analysis::admit(&cloud, &parameters).map_err(|error| of_analysis(&error))?;
+    let ran = run::with_progress(&cloud, kind, &parameters, args.threads, watch)?;
     let files = results::write(directory, &cloud, kind, functions.as_deref(), &ran)?;
     summary::print(&ran, &files, args.reporting);
     Ok(())

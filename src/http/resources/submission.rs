@@ -18,7 +18,7 @@ use super::idempotency::{self, IdempotencyKey, Key};
 use super::jobs;
 use super::jobs::JobView;
 use super::parameters::{self, KIND, PARAMETERS};
-use crate::analysis::{JobKind, Parameters, admit};
+use crate::analysis::{JobKind, Parameters, admit, lower_bases};
 use crate::cloud::reader::{self, Format, ReadOptions};
 use crate::cloud::{NonFinite, PointCloud};
 use crate::http::notation::{now, parse_id};
@@ -226,12 +226,18 @@ pub(crate) async fn post_job(
         return Ok(answered);
     }
     let arguments = job_arguments(&body)?;
-    let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
+    let (kind, mut parameters) = parameters::read(&arguments, service.limits.bases_max)?;
+    let lowers = arguments.integer("bases").is_none();
     // The cloud, and its points without those at the same place.
     reservation.add(ADMISSION_FACTOR * service.store.cloud(id).await?.bytes()).await?;
     let cloud = service.store.load_cloud(id).await?;
-    let admitted = parameters.clone();
-    service.reading.run(move || admit(&cloud, &admitted)).await??;
+    let admit_lowered = move || {
+        if lowers {
+            lower_bases(&cloud, &mut parameters)?;
+        }
+        admit(&cloud, &parameters).map(|_| parameters)
+    };
+    let parameters = service.reading.run(admit_lowered).await??;
     drop(reservation);
     let submitted = service.store.submit_job(id, kind, parameters).await?;
     remember(&service, &owner, key.as_ref(), &submitted).await?;
@@ -306,8 +312,8 @@ async fn receive(
         scan: arguments.integer("scan").map(|scan| scan as usize),
         limits: service.limits.reader,
     };
-    let wanted = job.clone();
-    let cloud = service.reading.run(move || read(upload, format, &options, wanted.as_ref())).await??;
+    let lowers = arguments.integer("bases").is_none();
+    let (cloud, job) = service.reading.run(move || read(upload, format, &options, job, lowers)).await??;
     let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
     if let (Some(name), None) = (name, &submitted.cloud.name) {
         submitted.cloud = service.store.name_cloud(submitted.cloud.id, name).await?;
@@ -320,19 +326,23 @@ async fn receive(
     answer(service, submitted, wait).await
 }
 
-/// Parses and admits, on a compute thread.
+/// Parses and admits, on a compute thread; `lowers` a number of bases that nobody named.
 fn read(
     upload: Upload,
     format: Format,
     options: &ReadOptions,
-    job: Option<&(JobKind, Parameters)>,
-) -> Result<PointCloud, Problem> {
+    mut job: Option<(JobKind, Parameters)>,
+    lowers: bool,
+) -> Result<(PointCloud, Option<(JobKind, Parameters)>), Problem> {
     let cloud = reader::read(&upload.bytes, format, options)?;
     drop(upload);
-    if let Some((_, parameters)) = job {
+    if let Some((_, parameters)) = &mut job {
+        if lowers {
+            lower_bases(&cloud, parameters)?;
+        }
         admit(&cloud, parameters)?;
     }
-    Ok(cloud)
+    Ok((cloud, job))
 }
 
 async fn answer(
