@@ -28,8 +28,21 @@ def convert(source, *arguments):
         from plyfile import PlyData
 
         vertex = PlyData.read(out / "bases.ply")["vertex"]
-        fields = {p.name: np.asarray(vertex[p.name]) for p in vertex.properties}
+        fields = {p.name.removeprefix("scalar_"): np.asarray(vertex[p.name]) for p in vertex.properties}
         return np.column_stack([fields.pop(a) for a in "xyz"]), fields
+
+
+def rewritten(source, folder, extension):
+    """What chladni writes of a file in another format: the filter that changes nothing."""
+    out = folder / f"{source.name}-{extension}"
+    analyze = [CHLADNI, "analyze", str(source), "-o", str(out), "--operator", "graph", "-k", "1"]
+    subprocess.run(analyze, check=True, capture_output=True)
+    path = folder / f"{source.name}.out.{extension}"
+    identity = [CHLADNI, "filter", str(out), "-o", str(path), "--gains", "1", "--outside", "1"]
+    done = subprocess.run(identity, capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"{path.name}: {done.stderr}")
+    return path
 
 
 def check(name, found, expected, tolerance):
@@ -70,6 +83,32 @@ def read_by_chladni(folder):
         check(f"laspy {name} red", fields["red"], las.red, 0)
         check(f"laspy {name} extra bytes", fields["quality"], las.quality, 0)
 
+    flags = ["synthetic", "key_point", "withheld", "scan_direction_flag", "edge_of_flight_line"]
+    for fmt in range(11):
+        header = laspy.LasHeader(version="1.4", point_format=fmt)
+        header.scales, header.offsets = [0.001] * 3, [500000, 5200000, 0]
+        header.add_extra_dim(laspy.ExtraBytesParams(name="vec", type="3u1"))
+        header.add_extra_dim(laspy.ExtraBytesParams(name="behind", type=np.int16))
+        las = laspy.LasData(header)
+        las.x, las.y, las.z = points.T
+        present = flags + (["overlap", "scanner_channel"] if fmt >= 6 else [])
+        for flag in present:
+            las[flag] = rng.integers(0, 4 if flag == "scanner_channel" else 2, size=500, dtype=np.uint8)
+        las.vec = rng.integers(0, 256, size=(500, 3), dtype=np.uint8)
+        las.behind = rng.integers(-9, 9, size=500, dtype=np.int16)
+        path = folder / f"flags{fmt}.las"
+        las.write(path)
+        _, fields = convert(path)
+        for flag in present:
+            check(f"laspy format {fmt} {flag}", fields[flag], las[flag], 0)
+        check(f"laspy format {fmt} array", np.column_stack([fields[f"vec_{i}"] for i in range(3)]), las.vec, 0)
+        check(f"laspy format {fmt} behind the array", fields["behind"], las.behind, 0)
+        if fmt in (3, 6):
+            back = laspy.read(rewritten(path, folder, "laz"))
+            check(f"laspy reads format {fmt} back", np.column_stack([back.x, back.y, back.z]), points, 2e-9)
+            for flag in present:
+                check(f"laspy reads {flag} back", back[flag], las[flag], 0)
+
     near = (points - [500000.0, 5200000.0, 100.0]).astype(np.float32)
     packed = pypcd4.PointCloud.encode_rgb(colors)
     cloud = pypcd4.PointCloud.from_xyzrgb_points(np.column_stack([near, packed]).astype(np.float32))
@@ -91,6 +130,25 @@ def read_by_chladni(folder):
         order = lambda a: a[np.lexsort(np.round(a, 5).T)]
         check(path.name, order(found), order(np.asarray(mesh.vertices)), 1e-6)
 
+    import meshio
+
+    triangles = [("triangle", np.asarray(mesh.faces))]
+    for extension in ("ply", "off", "obj", "stl"):
+        path = folder / f"meshio.{extension}"
+        meshio.write_points_cells(path, np.asarray(mesh.vertices), triangles)
+        found, _ = convert(path)
+        order = lambda a: a[np.lexsort(np.round(a, 5).T)]
+        check(f"meshio {extension}", order(found), order(np.asarray(mesh.vertices)), 1e-6)
+
+    np.savez_compressed(folder / "a.npz", xyz=points, intensity=intensity)
+    found, fields = convert(folder / "a.npz")
+    check("numpy.savez_compressed", found, points, 0)
+    check("numpy.savez_compressed intensity", fields["intensity"], intensity, 0)
+    records = np.zeros(500, dtype=[("id", "<u4"), ("x", "<f8"), ("y", "<f8"), ("z", "<f8")])
+    records["x"], records["y"], records["z"] = points.T
+    np.save(folder / "records.npy", records)
+    check("numpy records", convert(folder / "records.npy")[0], points, 0)
+
     np.save(folder / "a.npy", np.asfortranarray(points))
     check("numpy.save", convert(folder / "a.npy")[0], points, 0)
     np.savetxt(folder / "a.txt", points, delimiter=",", header="x,y,z", comments="")
@@ -108,7 +166,7 @@ def read_by_chladni(folder):
         file.write_scan_raw(data)
         data["cartesianX"] = data["cartesianX"] + 1
         file.write_scan_raw(data, rotation=np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)]), translation=np.array([1.0, 2, 3]))
-    found, fields = convert(Path(path))
+    found, fields = convert(Path(path), "--scan", "0")
     with pye57.E57(path) as file:
         # pye57 writes single precision: what it reads back is compared.
         first, second = (file.read_scan_raw(scan) for scan in (0, 1))
@@ -118,10 +176,15 @@ def read_by_chladni(folder):
     moved = kept(second)
     turned = np.column_stack([-moved[:, 1], moved[:, 0], moved[:, 2]]) + [1.0, 2, 3]
     check("pye57, second scan in its pose", convert(Path(path), "--scan", "1")[0], turned, 2e-9)
+    both, fields = convert(Path(path))
+    check("pye57, all scans", both, np.vstack([kept(first), turned]), 2e-9)
+    check("pye57, the field of scans", fields["scan"], np.repeat([0, 1], 500), 0)
 
 
 def written_by_chladni(folder):
     import laspy
+    import meshio
+    import pypcd4
     import trimesh
     from plyfile import PlyData
 
@@ -140,6 +203,14 @@ def written_by_chladni(folder):
     check("trimesh reads ply", cloud.vertices, expected, 0)
     check("numpy reads xyz", np.loadtxt(sample("s.xyz")), expected, 0)
     check("numpy reads csv", np.loadtxt(sample("s.csv"), delimiter=",", skiprows=1), expected, 0)
+    cloud = pypcd4.PointCloud.from_path(sample("s.pcd"))
+    check("pypcd4 reads pcd", cloud.numpy(("x", "y", "z")), expected, 0)
+    for extension in ("obj", "off", "stl"):
+        grid = np.load(sample("g.npy", "--sampling", "grid"))
+        found = meshio.read(sample(f"g.{extension}", "--sampling", "grid")).points
+        order = lambda a: a[np.lexsort(np.round(a, 4).T)]
+        distinct = np.unique(np.round(grid, 6), axis=0)
+        check(f"meshio reads {extension}", np.unique(np.round(found, 6), axis=0)[: len(distinct)], distinct, 1e-5)
     for extension in ("obj", "off"):
         mesh = trimesh.load(sample(f"g.{extension}", "--sampling", "grid"), process=False)
         grid = np.load(sample("g.npy", "--sampling", "grid"))
