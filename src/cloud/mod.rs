@@ -10,6 +10,8 @@ pub mod shapes;
 mod survey;
 pub mod writer;
 
+use rayon::prelude::*;
+
 pub use error::CloudError;
 pub use grid::Grid;
 pub use origin::Origin;
@@ -103,7 +105,7 @@ impl PointCloud {
         let mut nonfinite = 0;
         // Whole blocks first: without a branch per number the compiler vectorises the test.
         let is_finite = |block: &[f64]| block.iter().fold(true, |all, x| all & x.is_finite());
-        if !coordinates.chunks(1024).all(is_finite) {
+        if !coordinates.par_chunks(1 << 16).all(|part| part.chunks(1024).all(is_finite)) {
             for (row, point) in coordinates.chunks_exact(dimension).enumerate() {
                 if !is_finite(point) {
                     if policy == NonFinite::Reject {

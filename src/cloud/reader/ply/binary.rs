@@ -2,6 +2,8 @@
 //!
 //! Vertices without lists stand at fixed distances and are decoded column by column out of checked slices.
 
+use rayon::prelude::*;
+
 use super::super::columns::Target;
 use super::super::number::{Number, Source};
 use super::super::text::shown;
@@ -14,6 +16,8 @@ use crate::cloud::scalar::Stored;
 
 /// Rows decoded together: all their columns stay in the first cache.
 const BLOCK_ROWS: usize = 512;
+/// Rows that one thread decodes at a time.
+const PART_ROWS: usize = 128 * BLOCK_ROWS;
 
 pub(super) fn read(bytes: &[u8], header: &Header, order: ByteOrder, ply: &mut Ply) -> Result<(), ReadError> {
     let mut cursor = Cursor { bytes, position: header.body, order };
@@ -41,6 +45,7 @@ pub(super) fn read(bytes: &[u8], header: &Header, order: ByteOrder, ply: &mut Pl
     Ok(())
 }
 
+/// Rows of fixed length are decoded side by side, in parts of which each touches its own memory first.
 fn read_fixed_vertices(
     element: &Element,
     stride: usize,
@@ -50,28 +55,57 @@ fn read_fixed_vertices(
     let block = cursor.take(stride * element.count, element, 0)?;
     let columns = &mut ply.columns;
     columns.zeroed(element.count)?;
-    for (index, rows) in block.chunks(BLOCK_ROWS * stride).enumerate() {
-        let first = index * BLOCK_ROWS;
-        let mut offset = 0;
-        for ((_, kind), target) in element.scalars().zip(&columns.targets) {
-            let source = Source { rows, stride, offset, number: Number::stored(kind, cursor.order) };
-            match *target {
-                Target::Coordinate(axis) => {
-                    let stride_out = columns.dimension;
-                    let out = &mut columns.coordinates[first * stride_out..];
-                    let place = Place { out, stride: stride_out, offset: axis };
-                    source.decode(place);
-                }
-                Target::Field(field) => {
-                    let out = &mut columns.fields[field].values[first..];
-                    source.decode(Place::packed(out));
-                }
-                Target::Skipped => {}
-            }
-            offset += kind.size();
+    let dimension = columns.dimension;
+    let mut parts: Vec<Part<'_>> = columns
+        .coordinates
+        .chunks_mut(PART_ROWS * dimension)
+        .zip(block.chunks(PART_ROWS * stride))
+        .map(|(coordinates, rows)| Part { rows, coordinates, fields: Vec::new() })
+        .collect();
+    for field in &mut columns.fields {
+        for (part, values) in parts.iter_mut().zip(field.values.chunks_mut(PART_ROWS)) {
+            part.fields.push(values);
         }
     }
+    let (targets, order) = (&columns.targets, cursor.order);
+    parts.into_par_iter().for_each(|part| part.decode(element, stride, (targets, dimension), order));
     Ok(())
+}
+
+/// Some rows, and where their numbers go.
+struct Part<'a> {
+    rows: &'a [u8],
+    coordinates: &'a mut [f64],
+    /// Of every field.
+    fields: Vec<&'a mut [f64]>,
+}
+
+impl Part<'_> {
+    fn decode(
+        self,
+        element: &Element,
+        stride: usize,
+        (targets, dimension): (&[Target], usize),
+        order: ByteOrder,
+    ) {
+        let Self { rows, coordinates, mut fields } = self;
+        for (index, rows) in rows.chunks(BLOCK_ROWS * stride).enumerate() {
+            let first = index * BLOCK_ROWS;
+            let mut offset = 0;
+            for ((_, kind), target) in element.scalars().zip(targets) {
+                let source = Source { rows, stride, offset, number: Number::stored(kind, order) };
+                match *target {
+                    Target::Coordinate(axis) => {
+                        let out = &mut coordinates[first * dimension..];
+                        source.decode(Place { out, stride: dimension, offset: axis });
+                    }
+                    Target::Field(field) => source.decode(Place::packed(&mut fields[field][first..])),
+                    Target::Skipped => {}
+                }
+                offset += kind.size();
+            }
+        }
+    }
 }
 
 fn read_vertices(element: &Element, cursor: &mut Cursor<'_>, ply: &mut Ply) -> Result<(), ReadError> {
