@@ -178,13 +178,15 @@ pub fn analyze_by(
     } else {
         (frames, None)
     };
-    let fidelity = surveyed.as_ref().map(|surveyed| Fidelity::of(surveyed, noise, merged, parameters));
-    warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
     let stars = surveyed.as_ref().map(|surveyed| &surveyed.stars);
     let cells = match stars {
         Some(stars) => stars.cells(&points),
         None => cells(&points, &tree, &nearest, &frames, options, progress)?,
     };
+    let fidelity = surveyed
+        .as_ref()
+        .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
+    warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
     progress.checkpoint()?;
     let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);

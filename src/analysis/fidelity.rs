@@ -12,7 +12,8 @@ use crate::operator::OperatorKind;
 pub struct Fidelity {
     /// 0 to 1: from 0.9 on, 95 % of eigenvalue spectra are expected to be within 2 % of the surface's.
     pub trust: f64,
-    /// Share of the triangles' area that not all three corners see: sheets that touch, edges sharper than the sampling.
+    /// Share of the walls between cells that their two sides see differently: sheets that touch, edges sharper than the
+    /// sampling.
     pub disputed: f64,
     /// Share of the triangles' area that was taken out as holes.
     pub opened: f64,
@@ -38,8 +39,14 @@ const NOISE_WARNED: f64 = 0.15;
 const STRETCH_WARNED: f64 = 2.2;
 
 impl Fidelity {
-    pub(super) fn of(surveyed: &Surveyed, noise: f64, merged: usize, parameters: &Parameters) -> Self {
-        let &Surveyed { disputed, opened, stretch, .. } = surveyed;
+    pub(super) fn of(
+        surveyed: &Surveyed,
+        disputed: f64,
+        noise: f64,
+        merged: usize,
+        parameters: &Parameters,
+    ) -> Self {
+        let &Surveyed { opened, stretch, .. } = surveyed;
         let halved = |value: f64, half: f64| (-(value / half).powi(2) * std::f64::consts::LN_2).exp();
         // only a kernel that is alike in all directions minds
         let stretched = if parameters.operator == OperatorKind::Voronoi { 1.0 } else { stretch };

@@ -60,6 +60,24 @@ impl Cells {
     }
 }
 
+impl Cells {
+    /// How differently walls are seen from their two sides: the sum of the differences over the sum of the sizes, 0 to 1.
+    /// Diagonals of squares, which points choose as they like, have no wall and do not count.
+    #[must_use]
+    pub fn disagreement(&self) -> f64 {
+        let (mut apart, mut all) = (0.0, 0.0);
+        for (p, walls) in self.conductance.iter().enumerate() {
+            for &(q, wall) in walls {
+                let back = &self.conductance[q as usize];
+                let seen = back.binary_search_by_key(&(p as u32), |&(r, _)| r).map_or(0.0, |k| back[k].1);
+                apart += (wall - seen).abs();
+                all += wall.abs();
+            }
+        }
+        if all > 0.0 { (apart / all).min(1.0) } else { 0.0 }
+    }
+}
+
 /// One cell, as [`Cells`] holds them.
 pub(super) struct Cell {
     pub(super) volume: f64,

@@ -22,6 +22,10 @@ const STRONG: f64 = 0.3;
 const QUIET: f64 = 0.1;
 const QUIET_DEVIATION: f64 = 0.755;
 
+/// Noise is alike everywhere: where the quietest points have less than this share of the middle's deviation, what deviates
+/// is the surface, too coarsely sampled.
+const EVEN_MIN: f64 = 0.7;
+
 /// Points at which the noise is estimated.
 const SAMPLES: usize = 2_000;
 
@@ -50,8 +54,10 @@ impl Noise {
         if shares.is_empty() {
             return Self { share: 0.0 };
         }
-        let place = (shares.len() as f64 * QUIET) as usize;
-        Self { share: *shares.select_nth_unstable_by(place, f64::total_cmp).1 / QUIET_DEVIATION }
+        shares.sort_unstable_by(f64::total_cmp);
+        let share = shares[(shares.len() as f64 * QUIET) as usize] / QUIET_DEVIATION;
+        let middle = shares[shares.len() / 2];
+        Self { share: if share < EVEN_MIN * middle { 0.0 } else { share } }
     }
 
     /// The points moved onto the quadratic surfaces through their neighbours.

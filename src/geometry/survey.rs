@@ -4,7 +4,6 @@ use std::f64::consts::{PI, TAU};
 
 use super::clipper::FACING_MIN;
 use super::frames::Frames;
-use super::metric::TriangleMetric;
 use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::orientation::Orientation;
 use super::points::{GeometryError, Points};
@@ -77,8 +76,6 @@ pub struct Surveyed {
     pub stars: Stars,
     /// Sides of the planes.
     pub orientation: Orientation,
-    /// Share of the triangles' area that not all three corners see.
-    pub disputed: f64,
     /// Share of the triangles' area that was taken out as gaps.
     pub opened: f64,
     /// Median ratio of the principal lengths of the stars: 1 where points are as far apart in all directions.
@@ -115,12 +112,11 @@ impl Survey<'_> {
         if sheet_aware && rules.part_sheets && orientation.conflicts < CONFLICTS_MAX {
             stars = self.parted(stars, &frames, &orientation, &sides, progress)?;
         }
-        let disputed = disputed(points, &stars);
         let whole = stars.area(points);
         let stars = stars.with_open_gaps(points, nearest, rules.verify_gaps);
         let opened = if whole > 0.0 { 1.0 - stars.area(points) / whole } else { 0.0 };
         let stretch = stretch(points, &frames, &stars);
-        Ok(Surveyed { frames, stars, orientation, disputed, opened, stretch })
+        Ok(Surveyed { frames, stars, orientation, opened, stretch })
     }
 
     /// The stars without neighbours that face the other way, where the others still surround the point.
@@ -158,21 +154,6 @@ fn widest_gap(points: &Points, frames: &Frames, i: usize, star: &[Spoke]) -> f64
         .filter(|&k| !star[k].filled)
         .map(|k| (direction(k + 1) - direction(k)).rem_euclid(TAU))
         .fold(0.0, f64::max)
-}
-
-/// Share of the triangles' area that not all three corners see.
-fn disputed(points: &Points, stars: &Stars) -> f64 {
-    let (mut all, mut some) = (0.0, 0.0);
-    for i in 0..stars.len() {
-        for k in (0..stars.of(i).len()).filter(|&k| stars.of(i)[k].filled) {
-            let area = TriangleMetric::of(points, stars.triangle(i, k)).area();
-            all += area;
-            if !stars.is_agreed(i, k) {
-                some += area;
-            }
-        }
-    }
-    if all > 0.0 { some / all } else { 0.0 }
 }
 
 /// Median ratio of the principal lengths of the offsets around every point.
