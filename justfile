@@ -26,8 +26,9 @@ doc:
 dependencies:
     .ci/dependencies
 
-# Every test
+# Every test; those of the viewer in a browser, where one can be had
 test:
+    .ci/browser
     cargo test
 
 # The tests on scans, where these are; they are no part of the project

@@ -2,6 +2,7 @@
 
 mod analyze;
 mod backup;
+mod client;
 mod completions;
 mod demo;
 mod environment;
@@ -16,6 +17,7 @@ mod reproduce;
 mod sample;
 mod serve;
 mod usage;
+mod view;
 
 use std::ffi::OsString;
 use std::future::Future;
@@ -48,6 +50,8 @@ enum Command {
     Serve(serve::ServeArgs),
     /// Show what the service does, on a synthetic scan
     Demo(demo::DemoArgs),
+    /// Show a scan and its modes in a browser
+    View(view::ViewArgs),
     /// Analyse a point cloud and write the results into a directory
     Analyze(Box<analyze::AnalyzeArgs>),
     /// Filter the coordinates of an analysed cloud, or some of its fields
@@ -134,6 +138,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
         Command::Keys(args) => keys::run(&args),
         Command::Backup(args) => backup::run(&args),
         Command::Demo(args) => block_on(demo::run(args)),
+        Command::View(args) => run_on_runtime(view::run(args)),
         Command::Analyze(args) => analyze::run(&args),
         Command::Filter(args) => harmonics::filter(&args),
         Command::Coefficients(args) => harmonics::coefficients(&args),
@@ -162,6 +167,12 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
             failure.exit_code()
         }
     }
+}
+
+/// As [`block_on`], for commands whose failures may be the caller's.
+fn run_on_runtime(command: impl Future<Output = Result<(), Failure>>) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().map_err(Failure::other)?;
+    runtime.block_on(command)
 }
 
 fn block_on<E: std::fmt::Display>(command: impl Future<Output = Result<(), E>>) -> Result<(), Failure> {

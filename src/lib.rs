@@ -117,6 +117,8 @@ pub mod progress;
 pub mod spectrum;
 #[cfg(feature = "server")]
 pub mod store;
+#[cfg(feature = "server")]
+pub mod viewer;
 
 pub use analysis::{
     Analysis, AnalysisError, JobKind, Laplacian, Parameters, Report, SparseMatrix, admit, analyze,

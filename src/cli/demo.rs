@@ -2,7 +2,6 @@
 
 #![allow(clippy::print_stderr)] // progress is shown there
 
-mod client;
 mod report;
 
 use std::net::{Ipv4Addr, SocketAddr};
@@ -17,7 +16,7 @@ use hyper::Method;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 
-use client::{Client, ClientError};
+use super::client::{Client, ClientError};
 
 /// Seconds of each `?wait=`: how often the progress bar moves.
 const LOOK_SECONDS: u64 = 1;

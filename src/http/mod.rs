@@ -28,8 +28,8 @@ pub use wire::problem::{Problem, ProblemDocument};
 use openapi::Description;
 use resources::{
     bases, capabilities, clouds, coefficients, distances, docs, events, features, files, filtered, health,
-    image, index, jobs, laplacian, metrics, operator, points, problems, signatures, similarity, spectrum,
-    submission,
+    image, index, jobs, laplacian, metrics, operator, page, points, problems, signatures, similarity,
+    spectrum, submission,
 };
 use service::Shared;
 use wire::paths::Paths;
@@ -90,6 +90,8 @@ pub fn router(service: Service) -> Router {
     router
         // A file name that `curl -T` appends is optional: the bare folder takes uploads too.
         .route("/clouds/", axum::routing::post(submission::post_cloud).put(submission::put_cloud))
+        // The page's files are part of the page, no part of the interface.
+        .route("/viewer/{digest}/{name}", axum::routing::get(page::file))
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
         .layer(middleware::from_fn_with_state(Arc::clone(&service), owners::only_own))

@@ -1,7 +1,7 @@
-//! Colour maps, even to the eye and safe for the colour-blind.
+//! Color maps, even to the eye and safe for the color-blind.
 //!
-//! Both are curves in Oklab [Ottosson 2020, "A perceptual color space for image processing"] through a few colours, cut
-//! into steps of equal length. The diverging map follows `vik` [Crameri 2018, "Scientific colour maps"]: blue and
+//! Both are curves in Oklab [Ottosson 2020, "A perceptual color space for image processing"] through a few colors, cut
+//! into steps of equal length. The diverging map follows `vik` [Crameri 2018, "Scientific color maps"]: blue and
 //! orange, which no common deficiency confuses, equally dark at equal distance from a pale zero. The sequential map
 //! follows cividis [Nuñez, Anderton, Renslow 2018, PLOS ONE 13(7)]: dark blue to yellow, ever brighter. Tests hold
 //! evenness, and distances as seen with deficiencies.
@@ -10,13 +10,13 @@
 pub type Rgb = [f32; 3];
 
 /// Points without a function.
-pub(super) const PLAIN: Rgb = [0.62, 0.62, 0.60];
+pub const PLAIN: Rgb = [0.62, 0.62, 0.60];
 /// Points without a value.
-pub(super) const ABSENT: Rgb = [0.21, 0.21, 0.21];
+pub const ABSENT: Rgb = [0.21, 0.21, 0.21];
 /// Feature points: a red that neither map has.
-pub(super) const MARK: Rgb = [0.75, 0.02, 0.10];
+pub const MARK: Rgb = [0.75, 0.02, 0.10];
 
-/// Colours of a map.
+/// Colors of a map.
 const STEPS: usize = 256;
 /// Points of the curve that are measured to cut it evenly.
 const MEASURED: usize = 2048;
@@ -30,7 +30,7 @@ const POSITIVE: [Lab; 3] = [[0.95, 0.0, 0.0], [0.66, 0.085, 0.085], [0.36, 0.09,
 const SEQUENTIAL: [Lab; 4] =
     [[0.27, -0.01, -0.085], [0.48, -0.005, -0.02], [0.69, 0.0, 0.055], [0.9, -0.02, 0.145]];
 
-/// A table of colours from 0 to 1.
+/// A table of colors from 0 to 1.
 #[derive(Debug, Clone)]
 pub struct Map(Vec<Rgb>);
 
@@ -50,15 +50,21 @@ impl Map {
         Self(even(&SEQUENTIAL, STEPS).into_iter().map(to_rgb).collect())
     }
 
-    /// The colour of a share from 0 to 1; beyond, the last one.
+    /// The color of a share from 0 to 1; beyond, the last one.
     #[must_use]
     pub fn at(&self, share: f64) -> Rgb {
         let last = self.0.len() - 1;
         self.0[((share * last as f64).round().max(0.0) as usize).min(last)]
     }
+
+    /// All colors from 0 to 1, as screens take them.
+    #[must_use]
+    pub fn srgb(&self) -> Vec<[u8; 3]> {
+        self.0.iter().map(|&color| srgb(color)).collect()
+    }
 }
 
-/// `count` colours at equal distances along the smooth curve through some.
+/// `count` colors at equal distances along the smooth curve through some.
 fn even(through: &[Lab], count: usize) -> Vec<Lab> {
     let curve: Vec<Lab> = (0..=MEASURED).map(|i| spline(through, i as f64 / MEASURED as f64)).collect();
     let mut travelled = vec![0.0];
@@ -73,7 +79,7 @@ fn even(through: &[Lab], count: usize) -> Vec<Lab> {
     (0..count).map(at).collect()
 }
 
-/// Catmull–Rom through the colours, the ends doubled.
+/// Catmull–Rom through the colors, the ends doubled.
 fn spline(through: &[Lab], share: f64) -> Lab {
     let along = share * (through.len() - 1) as f64;
     let segment = (along as usize).min(through.len() - 2);
@@ -109,6 +115,12 @@ fn to_rgb([l, a, b]: Lab) -> Rgb {
     .map(|x| x.clamp(0.0, 1.0) as f32)
 }
 
+/// The bytes of a color as screens take them.
+#[must_use]
+pub fn srgb(color: Rgb) -> [u8; 3] {
+    color.map(to_srgb)
+}
+
 /// A byte of sRGB [IEC 61966-2-1].
 pub(super) fn to_srgb(linear: f32) -> u8 {
     let linear = linear.clamp(0.0, 1.0);
@@ -117,7 +129,7 @@ pub(super) fn to_srgb(linear: f32) -> u8 {
 }
 
 #[cfg(test)]
-#[allow(clippy::float_cmp)] // the same colour, to the bit
+#[allow(clippy::float_cmp)] // the same color, to the bit
 mod tests {
     use super::*;
 
@@ -133,7 +145,7 @@ mod tests {
         ]
     }
 
-    /// Colours as seen without one kind of cone: the matrices for severity 1 of Machado, Oliveira, Fernandes 2009,
+    /// Colors as seen without one kind of cone: the matrices for severity 1 of Machado, Oliveira, Fernandes 2009,
     /// "A physiologically-based model for simulation of color vision deficiency", table 1.
     #[allow(clippy::unreadable_literal)] // as in the table
     const DEFICIENCIES: [(&str, [[f64; 3]; 3]); 3] = [
@@ -173,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn no_colour_of_either_map_lies_outside_of_what_screens_show() {
+    fn no_color_of_either_map_lies_outside_of_what_screens_show() {
         for through in [&NEGATIVE[..], &POSITIVE, &SEQUENTIAL] {
             for color in even(through, 64) {
                 assert!(
@@ -225,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_beyond_the_ends_have_the_last_colour() {
+    fn shares_beyond_the_ends_have_the_last_color() {
         let map = Map::sequential();
         assert_eq!(map.at(-3.0), map.at(0.0));
         assert_eq!(map.at(7.0), map.at(1.0));

@@ -1,4 +1,4 @@
-//! Points become pixels: discs with a depth, the nearest of which is seen.
+//! Points and triangles become pixels, the nearest of which is seen.
 
 use rayon::prelude::*;
 
@@ -6,9 +6,14 @@ use super::color::{self, Rgb};
 use super::{Background, Picture};
 
 /// Rows of pixels that one thread fills.
-const BAND: usize = 64;
-/// What a pixel that no point covers has for its depth.
+pub(super) const BAND: usize = 64;
+/// What a pixel that nothing covers has for its depth.
 pub(super) const EMPTY: f32 = f32::NEG_INFINITY;
+
+/// Grains by which a steep surface rises before a point on it.
+const STEEP: f32 = 4.0;
+/// Radius in pixels from which a mark has a rim.
+const RIMMED: f32 = 6.0;
 
 /// A disc that faces the viewer.
 #[derive(Debug, Clone, Copy)]
@@ -20,62 +25,98 @@ pub(super) struct Splat {
     pub(super) color: Rgb,
 }
 
-/// Colour and depth of every pixel.
+/// What a pixel shows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pixel {
+    /// Nearness in pixels; [`EMPTY`] where nothing is seen.
+    pub(super) depth: f32,
+    /// Distance in pixels to what the same surface consists of: the radius of the point, or the side of the triangle.
+    pub(super) grain: f32,
+    /// Share of the light that the surface faces; NaN where it is to be told from the depth around.
+    pub(super) facing: f32,
+    pub(super) color: Rgb,
+}
+
+const NOTHING: Pixel = Pixel { depth: EMPTY, grain: 1.0, facing: f32::NAN, color: [0.0; 3] };
+
+/// Every pixel, row by row from the top.
 pub(super) struct Raster {
     pub(super) width: usize,
     pub(super) height: usize,
-    pub(super) depth: Vec<f32>,
-    color: Vec<Rgb>,
+    pub(super) pixels: Vec<Pixel>,
 }
 
 impl Raster {
     pub(super) fn new(width: usize, height: usize) -> Self {
-        Self { width, height, depth: vec![EMPTY; width * height], color: vec![[0.0; 3]; width * height] }
+        Self { width, height, pixels: vec![NOTHING; width * height] }
     }
 
-    /// Draws discs. Between discs at about the same depth a pixel belongs to the one whose centre is nearest: towards
+    /// Draws discs. Between discs at about the same depth a pixel belongs to the one whose center is nearest: towards
     /// its rim a disc recedes by its radius.
     pub(super) fn splat(&mut self, splats: &[Splat]) {
+        let width = self.width;
+        self.in_bands(
+            splats,
+            |splat| [splat.at[1] - splat.radius, splat.at[1] + splat.radius],
+            |rows, band, splats| {
+                let mut nearest: Vec<f32> = band.iter().map(|pixel| pixel.depth).collect();
+                for &Splat { at: [x, y, z], radius, color } in splats {
+                    disc([x, y], radius, width, rows.clone(), |pixel, squared| {
+                        let pixel = pixel - rows.start * width;
+                        let receding = z - squared / radius;
+                        if receding > nearest[pixel] {
+                            nearest[pixel] = receding;
+                            band[pixel] = Pixel { depth: z, grain: radius, facing: f32::NAN, color };
+                        }
+                    });
+                }
+            },
+        );
+    }
+
+    /// Fills the picture band by band of rows, with the shapes that reach into each: `reach` tells from which row to
+    /// which a shape does, `fill` draws them into the pixels of some rows.
+    pub(super) fn in_bands<S: Copy + Sync>(
+        &mut self,
+        shapes: &[S],
+        reach: impl Fn(&S) -> [f32; 2],
+        fill: impl Fn(std::ops::Range<usize>, &mut [Pixel], &mut dyn Iterator<Item = &S>) + Sync,
+    ) {
         let (width, height) = (self.width, self.height);
         let bands = height.div_ceil(BAND);
         let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); bands];
-        for (index, splat) in splats.iter().enumerate() {
-            let top = (splat.at[1] - splat.radius).max(0.0) as usize / BAND;
-            let bottom = (splat.at[1] + splat.radius).max(0.0) as usize / BAND;
+        for (index, shape) in shapes.iter().enumerate() {
+            let [top, bottom] = reach(shape).map(|row| row.max(0.0) as usize / BAND);
             (top..=bottom.min(bands - 1)).for_each(|band| of_band[band].push(index as u32));
         }
-        let rows = self.depth.par_chunks_mut(BAND * width).zip(self.color.par_chunks_mut(BAND * width));
-        rows.zip(of_band).enumerate().for_each(|(band, ((depth, color), splats_of_band))| {
-            let mut nearest = vec![EMPTY; depth.len()];
-            let rows = band * BAND..(band * BAND + BAND).min(height);
-            for index in splats_of_band {
-                let Splat { at: [x, y, z], radius, color: paint } = splats[index as usize];
-                pixels([x, y], radius, width, rows.clone(), |pixel, squared| {
-                    let pixel = pixel - rows.start * width;
-                    let receding = z - squared / radius;
-                    if receding > nearest[pixel] {
-                        (nearest[pixel], depth[pixel], color[pixel]) = (receding, z, paint);
-                    }
-                });
-            }
-        });
+        self.pixels.par_chunks_mut(BAND * width).zip(of_band).enumerate().for_each(
+            |(band, (pixels, indices))| {
+                let rows = band * BAND..(band * BAND + BAND).min(height);
+                fill(rows, pixels, &mut indices.iter().map(|&index| &shapes[index as usize]));
+            },
+        );
     }
 
-    /// Draws balls and shades them. They are seen unless something lies before them by more than their size: a steep
-    /// surface that they sit on does not cut them.
-    pub(super) fn mark(&mut self, marks: &[Splat], mut shade: Vec<f32>) -> Vec<f32> {
-        for &Splat { at: [x, y, z], radius, color } in marks {
-            let (width, height) = (self.width, self.height);
-            pixels([x, y], radius, width, 0..height, |pixel, squared| {
-                let share = squared / (radius * radius);
-                if z + 2.0 * radius >= self.depth[pixel] {
-                    self.depth[pixel] = z + 2.0 * radius;
-                    self.color[pixel] = color;
-                    shade[pixel] = 1.0 - 0.6 * share * share;
-                }
+    /// Draws balls with a white rim and tells which of them are seen: those before whose middle nothing lies by more than
+    /// their size. They are seen whole, for a steep surface that they sit on does not cut them.
+    pub(super) fn mark(&mut self, marks: &[Splat], shade: &mut [f32]) -> Vec<bool> {
+        let is_seen = |&Splat { at: [x, y, z], radius, .. }: &Splat| {
+            let inside = x >= 0.0 && y >= 0.0 && (x as usize) < self.width && (y as usize) < self.height;
+            let before = inside.then(|| self.pixels[y as usize * self.width + x as usize]);
+            before.is_some_and(|pixel| z + 2.0 * radius + STEEP * pixel.grain >= pixel.depth)
+        };
+        let seen: Vec<bool> = marks.iter().map(is_seen).collect();
+        let mut order: Vec<usize> = (0..marks.len()).filter(|&mark| seen[mark]).collect();
+        order.sort_by(|&a, &b| marks[a].at[2].total_cmp(&marks[b].at[2]));
+        for Splat { at: [x, y, z], radius, color } in order.into_iter().map(|mark| marks[mark]) {
+            disc([x, y], radius, self.width, 0..self.height, |pixel, squared| {
+                let is_rim = radius >= RIMMED && squared > 0.66 * radius * radius;
+                let color = if is_rim { [1.0; 3] } else { color };
+                self.pixels[pixel] = Pixel { depth: z + 2.0 * radius, grain: radius, facing: 1.0, color };
+                shade[pixel] = 1.0;
             });
         }
-        shade
+        seen
     }
 
     /// The picture, each of its pixels the mean of `oversampling²`.
@@ -88,12 +129,10 @@ impl Raster {
             let (mut light, mut covered) = ([0.0_f32; 3], 0.0_f32);
             for row in top..top + oversampling {
                 let samples = row * self.width + left..row * self.width + left + oversampling;
-                let here =
-                    self.depth[samples.clone()].iter().zip(&self.color[samples.clone()]).zip(&shade[samples]);
-                for ((&depth, color), shade) in here {
-                    if depth > EMPTY {
+                for (pixel, shade) in self.pixels[samples.clone()].iter().zip(&shade[samples]) {
+                    if pixel.depth > EMPTY {
                         covered += 1.0;
-                        let lit = color.map(|channel| channel * shade);
+                        let lit = pixel.color.map(|channel| channel * shade);
                         light = [0, 1, 2].map(|channel| light[channel] + lit[channel]);
                     }
                 }
@@ -112,7 +151,7 @@ impl Raster {
 
 /// Calls `each` with every pixel of a disc within some rows, and its squared distance to the middle. A disc has one
 /// pixel at least.
-fn pixels(
+fn disc(
     [x, y]: [f32; 2],
     radius: f32,
     width: usize,

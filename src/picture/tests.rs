@@ -46,7 +46,7 @@ fn light_comes_from_the_upper_left() {
 }
 
 #[test]
-fn signs_are_blue_and_orange_and_the_absent_is_grey() {
+fn signs_are_blue_and_orange_and_the_absent_is_gray() {
     let sphere = sphere();
     let mut values: Vec<f64> = (0..sphere.len()).map(|row| sphere.point(row)[0]).collect();
     let picture = Picture::draw(&sphere, &Paint::Diverging(&values), &[], &front());
@@ -99,6 +99,67 @@ fn feature_points_are_marked_where_they_are_seen() {
     };
     assert!(is_red(nearest([0.0, -1.0, 0.0])), "in front");
     assert!(!is_red(nearest([0.0, 1.0, 0.0])), "behind");
+}
+
+/// A square of `side × side` points at a depth, seen from the front, and the value of each.
+fn square(side: u32, depth: f64, size: f64) -> Vec<f64> {
+    let place = |i: u32| (f64::from(i) / f64::from(side - 1) - 0.5) * size;
+    (0..side * side).flat_map(|i| [place(i % side), depth, place(i / side)]).collect()
+}
+
+#[test]
+fn a_sparse_surface_hides_a_dense_one_behind_it() {
+    let points = [square(12, -1.0, 2.0), square(150, 1.0, 2.0)].concat();
+    let cloud = PointCloud::new(3, points, NonFinite::Reject).unwrap();
+    let values: Vec<f64> = (0..cloud.len()).map(|row| if row < 144 { 1.0 } else { -1.0 }).collect();
+    let picture = Picture::draw(&cloud, &Paint::Diverging(&values), &[], &front());
+    let view = front();
+    for y in 8..view.height - 8 {
+        for x in 58..142 {
+            let [r, _, b, _] = pixel(&picture, x, y);
+            assert!(r > b, "the far side shows through at {x} {y}");
+        }
+    }
+}
+
+#[test]
+fn triangles_are_filled_and_their_colors_change_linearly() {
+    let corners = vec![-1.0, 0.0, -1.0, 1.0, 0.0, -1.0, 0.0, 0.0, 1.0];
+    let cloud = PointCloud::new(3, corners, NonFinite::Reject).unwrap().with_faces(vec![[0, 1, 2]]).unwrap();
+    let values = [-1.0, 1.0, 0.0];
+    let picture = Picture::draw(&cloud, &Paint::Diverging(&values), &[], &front());
+    let light = Picture::draw(&cloud, &Paint::Plain, &[], &front());
+    // The plane faces the viewer: its light is the same everywhere.
+    assert_eq!(pixel(&light, 100, 50), pixel(&light, 90, 80));
+    let [left, middle, right] = [70, 100, 130].map(|x| pixel(&picture, x, 85).map(i32::from));
+    assert!(left[2] > left[0] + 60 && right[0] > right[2] + 60, "{left:?} {right:?}");
+    assert!((middle[0] - middle[2]).abs() < 12, "{middle:?} is about zero");
+    assert_eq!(pixel(&picture, 60, 20), [255; 4], "beside the triangle there is nothing");
+}
+
+#[test]
+fn a_mark_near_the_rim_is_whole_and_numbered() {
+    let view = View { width: 800, height: 600, ..front() };
+    let sphere = sphere();
+    // 20° from where the sphere is seen from aside.
+    let (sin, cos) = 20_f64.to_radians().sin_cos();
+    let along = |row: usize| cos * sphere.point(row)[0] - sin * sphere.point(row)[1];
+    let rim = (0..sphere.len()).max_by(|&a, &b| along(a).total_cmp(&along(b))).unwrap();
+    let picture = Picture::draw(&sphere, &Paint::Plain, &[rim], &view);
+    let red = |x: usize, y: usize| {
+        let [r, g, b, _] = pixel(&picture, x, y).map(i32::from);
+        r > g + 80 && r > b + 60
+    };
+    let found: Vec<(usize, usize)> =
+        (0..600).flat_map(|y| (500..800).map(move |x| (x, y))).filter(|&(x, y)| red(x, y)).collect();
+    // A disc of 9.6 pixels less its rim and its number.
+    assert!((110..230).contains(&found.len()), "{}", found.len());
+    let extent = |pick: fn(&(usize, usize)) -> usize| {
+        found.iter().map(pick).max().unwrap() - found.iter().map(pick).min().unwrap()
+    };
+    assert!(extent(|p| p.0).abs_diff(extent(|p| p.1)) <= 2, "it is round");
+    let unnumbered = std::f64::consts::PI * 0.66 * 9.6 * 9.6;
+    assert!((found.len() as f64) < unnumbered - 8.0, "the number covers a part of it");
 }
 
 #[test]

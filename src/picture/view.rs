@@ -1,16 +1,12 @@
 //! From where a cloud is looked at, and where its points fall in the picture.
 
 use crate::cloud::PointCloud;
-use crate::geometry::{Points, SearchTree};
 
 /// Share of the picture that is left free around the cloud.
 const MARGIN: f64 = 0.04;
-/// Points whose neighbours are looked at to tell the sampling's spacing.
-const PROBES: usize = 500;
-/// Neighbour whose distance is taken: in a surface the six nearest surround a point.
-const NEIGHBORS: usize = 7;
-/// Radius of a splat as a multiple of that distance: splats of neighbours overlap, gaps of scans stay open.
-const RADIUS: f64 = 0.75;
+/// Radius of a disc in pixels at least, and at most as a share of the picture's shorter side.
+const RADIUS_LEAST: f64 = 0.8;
+const RADIUS_MOST: f64 = 0.05;
 
 /// The axis that points up in the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -51,12 +47,14 @@ pub struct View {
     pub height: usize,
     /// What is behind the points.
     pub background: Background,
+    /// Whether the color bar is asked for; [`super::Picture::add_legend`] draws it.
+    pub legend: bool,
 }
 
 impl Default for View {
     fn default() -> Self {
         let (up, background) = (Up::default(), Background::default());
-        Self { azimuth: -60.0, elevation: 20.0, up, width: 800, height: 600, background }
+        Self { azimuth: -60.0, elevation: 20.0, up, width: 800, height: 600, background, legend: false }
     }
 }
 
@@ -88,7 +86,7 @@ pub(super) struct Camera {
     /// Directions to the right, up and towards the viewer.
     axes: [[f64; 3]; 3],
     /// What falls into the middle of the picture.
-    centre: [f64; 3],
+    center: [f64; 3],
     /// Pixels per unit of length.
     scale: f64,
     width: usize,
@@ -111,7 +109,7 @@ impl Camera {
         };
         let axes = [right, up, towards].map(|axis| [0, 1, 2].map(|i| axis[(i + turn) % 3]));
         let (width, height) = (view.width.max(1) * oversampling, view.height.max(1) * oversampling);
-        let mut camera = Self { axes, centre: [0.0; 3], scale: 1.0, width, height };
+        let mut camera = Self { axes, center: [0.0; 3], scale: 1.0, width, height };
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for row in 0..cloud.len() {
             let Some(at) = position(cloud.point(row)).map(|p| camera.seen(p)) else { continue };
@@ -124,7 +122,7 @@ impl Camera {
             return camera;
         }
         let middle = [0, 1, 2].map(|axis| low[axis] + 0.5 * (high[axis] - low[axis]));
-        camera.centre = [0, 1, 2].map(|i| (0..3).map(|axis| middle[axis] * axes[axis][i]).sum());
+        camera.center = [0, 1, 2].map(|i| (0..3).map(|axis| middle[axis] * axes[axis][i]).sum());
         let room = |pixels: usize, extent: f64| pixels as f64 * (1.0 - 2.0 * MARGIN) / extent;
         let scale = room(width, high[0] - low[0]).min(room(height, high[1] - low[1]));
         camera.scale = if scale.is_finite() { scale } else { 1.0 };
@@ -147,27 +145,14 @@ impl Camera {
     }
 
     fn seen(&self, p: [f64; 3]) -> [f64; 3] {
-        self.axes.map(|axis| (0..3).map(|i| axis[i] * (p[i] - self.centre[i])).sum())
+        self.axes.map(|axis| (0..3).map(|i| axis[i] * (p[i] - self.center[i])).sum())
     }
 
-    /// Radius of a point in pixels, by the spacing of its neighbours.
-    pub(super) fn splat_radius(&self, cloud: &PointCloud) -> f32 {
-        let least = 0.8;
-        let most = 0.05 * self.width.min(self.height) as f64;
-        let Ok(points) = Points::prepare(cloud, 1) else { return (most * 0.2).max(least) as f32 };
-        let tree = SearchTree::new(&points);
-        let mut found = Vec::new();
-        let step = points.len().div_ceil(PROBES);
-        let mut distances: Vec<f64> = (0..points.len())
-            .step_by(step)
-            .filter_map(|i| {
-                tree.nearest(&points, i, NEIGHBORS, &mut found);
-                found.iter().map(|neighbor| neighbor.squared_distance.sqrt()).reduce(f64::max)
-            })
-            .collect();
-        distances.sort_unstable_by(f64::total_cmp);
-        let spacing = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-        (RADIUS * spacing * self.scale).clamp(least, most.max(least)) as f32
+    /// Radius of a disc in pixels, where it has `radius` in units of the cloud; `None` where that is not known.
+    pub(super) fn radius_in_pixels(&self, radius: Option<f64>) -> f32 {
+        let most = (RADIUS_MOST * self.width.min(self.height) as f64).max(RADIUS_LEAST);
+        let pixels = radius.map_or(0.2 * most, |radius| radius * self.scale);
+        pixels.clamp(RADIUS_LEAST, most) as f32
     }
 }
 
@@ -183,7 +168,7 @@ mod tests {
     use super::*;
     use crate::cloud::NonFinite;
 
-    /// The corners of a box of 2 × 4 × 6 far from the origin, and a point at its centre.
+    /// The corners of a box of 2 × 4 × 6 far from the origin, and a point at its center.
     fn block() -> PointCloud {
         let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2].map(|side| 2.0 * side as f64 - 1.0);
         let far = |[x, y, z]: [f64; 3]| [1e6 + x, 2e6 + 2.0 * y, 3.0 * z];
@@ -196,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cloud_is_centred_and_fills_the_picture() {
+    fn the_cloud_is_centerd_and_fills_the_picture() {
         let view = View { azimuth: -90.0, elevation: 0.0, ..View::default() };
         assert_eq!(seen(view, 8), [400.0, 300.0, 0.0]);
         // Seen along y, z is up: 6 units in 600 pixels less the margin.
@@ -237,7 +222,7 @@ mod tests {
         let camera = Camera::new(&cloud, &View::default(), 1);
         assert!(camera.project(cloud.point(0)).unwrap().iter().all(|x| x.is_finite()));
         assert_eq!(camera.project(cloud.point(1)), None);
-        assert!(camera.splat_radius(&cloud) > 0.0);
+        assert!(camera.radius_in_pixels(None) > 0.0);
     }
 
     #[test]

@@ -263,3 +263,26 @@ fn schema_names(text: &str) -> Vec<String> {
     }
     names
 }
+
+#[tokio::test]
+async fn every_link_of_the_page_leads_somewhere_every_call_has_a_command_and_no_backtick_is_left() {
+    let service = Service::start().await;
+    let html = service.get("/docs").await.text().await.unwrap();
+    // Examples may contain messages, in which backticks are literal.
+    let outside: String =
+        html.split("<pre").map(|part| part.split_once("</pre>").map_or(part, |(_, rest)| rest)).collect();
+    assert!(!outside.contains('`'));
+    let links = |start: &str| -> Vec<String> {
+        html.split(start).skip(1).map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
+    };
+    let (targets, paths) = (links("href=\"#"), links("href=\"/"));
+    assert!(targets.len() > 50 && paths.len() >= 3);
+    for target in targets {
+        assert!(html.contains(&format!("id=\"{target}\"")), "{target}");
+    }
+    for path in paths {
+        assert!(service.get(&format!("/{path}")).await.status().is_success(), "{path}");
+    }
+    assert_eq!(html.matches("<pre class=\"run\">curl").count(), html.matches("<summary><b>").count());
+    assert!(html.matches("<pre>{").count() > 10, "answers have examples");
+}

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every room with the rooms that it may import from. A room stands below those that it is named in.
-const ROOMS: [(&str, &[&str]); 14] = [
+const ROOMS: [(&str, &[&str]); 15] = [
     ("progress", &[]),
     ("metrics", &[]),
     ("cloud", &["progress"]),
@@ -16,6 +16,7 @@ const ROOMS: [(&str, &[&str]); 14] = [
     ("operator", &["geometry", "cloud", "progress"]),
     ("spectrum", &["operator", "geometry", "cloud", "progress"]),
     ("picture", &["geometry", "cloud", "progress"]),
+    ("viewer", &["picture"]),
     ("harmonics", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("analysis", &["spectrum", "operator", "geometry", "cloud", "progress"]),
     ("store", &["analysis", "spectrum", "operator", "cloud", "progress"]),
@@ -26,6 +27,7 @@ const ROOMS: [(&str, &[&str]); 14] = [
             "metrics",
             "jobs",
             "store",
+            "viewer",
             "picture",
             "harmonics",
             "analysis",
@@ -41,8 +43,8 @@ const ROOMS: [(&str, &[&str]); 14] = [
 ];
 
 /// The pure library: usable by itself, without a runtime, a clock or an environment.
-const PURE: [&str; 8] =
-    ["progress", "cloud", "geometry", "picture", "operator", "spectrum", "harmonics", "analysis"];
+const PURE: [&str; 9] =
+    ["progress", "cloud", "geometry", "picture", "viewer", "operator", "spectrum", "harmonics", "analysis"];
 
 /// What the pure library does without.
 const IMPURE: [&str; 13] = [

@@ -29,11 +29,12 @@ const PAGES: [&str; 12] = [
 /// Where the service of the pages listens.
 const ADDRESS: &str = "127.0.0.1:8080";
 /// Commands that build, never end, or take long are not run; each has tests of its own.
-const NOT_RUN: [&str; 8] = [
+const NOT_RUN: [&str; 9] = [
     "cargo test",
     "cargo bench",
     "cargo run --release -- demo",
     "chladni serve",
+    "chladni view",
     "benches/",
     "reproduce",
     "--points 250000",

@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 use serde_json::Value;
 
 use super::DemoError;
-use super::client::Client;
+use crate::cli::client::Client;
 
 /// Largest entry of `HᵀBH − I`, from the bases and masses that the service hands out.
 ///

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 use chladni::cloud::PointCloud;
 use chladni::harmonics::Surroundings;
 use chladni::harmonics::features::{self as salient, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
-use chladni::picture::{Background, Paint, Picture, Spectrum, Up, View, plot_spectrum};
+use chladni::picture::{
+    Background, Legend, Paint, Picture, Spectrum, Up, View, legend_of_basis, plot_spectrum,
+};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rayon::prelude::*;
 use serde_json::json;
@@ -55,6 +57,10 @@ pub(crate) struct RenderArgs {
     /// What is behind the points
     #[arg(long, default_value = "white", value_parser = backgrounds())]
     background: Background,
+
+    /// Add a color bar with values, what is shown and its unit
+    #[arg(long)]
+    legend: bool,
 
     #[command(flatten)]
     cloud: CloudArgs,
@@ -106,7 +112,12 @@ fn picture(args: &RenderArgs) -> Result<(), Failure> {
         Some(count) => marks(of_results("features")?, &cloud, count)?,
         None => Vec::new(),
     };
-    let picture = Picture::draw(&cloud, &paint, &marks, &view(args));
+    let view = view(args);
+    let mut picture = Picture::draw(&cloud, &paint, &marks, &view);
+    if view.legend {
+        let (title, unit) = legend(args, results.as_ref());
+        picture.add_legend(&Legend { title: &title, unit }, &paint, view.background);
+    }
     let title = args.input.display().to_string();
     let bytes = picture.to_png(&title).map_err(Failure::other)?;
     output::write_file(&args.output, |out| out.write_all(&bytes))?;
@@ -117,6 +128,14 @@ fn picture(args: &RenderArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// What the colors stand for, and its unit.
+fn legend(args: &RenderArgs, results: Option<&Results>) -> (String, &'static str) {
+    let Some(index) = args.basis else { return (args.field.clone().unwrap_or_default(), "") };
+    let spectrum = results.and_then(|results| results.report.spectrum.as_ref());
+    let eigenvalue = spectrum.and_then(|spectrum| spectrum.eigenvalues.get(index).copied().flatten());
+    (legend_of_basis(index, eigenvalue), "1/length")
+}
+
 fn view(args: &RenderArgs) -> View {
     View {
         azimuth: args.azimuth,
@@ -125,6 +144,7 @@ fn view(args: &RenderArgs) -> View {
         width: args.width as usize,
         height: args.height as usize,
         background: args.background,
+        legend: args.legend,
     }
 }
 

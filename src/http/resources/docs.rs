@@ -1,5 +1,7 @@
 //! The OpenAPI document: as YAML, and as a page (`GET /docs`) without scripts and without anything from elsewhere.
 
+mod sample;
+
 use std::fmt::Write as _;
 use std::sync::{LazyLock, OnceLock};
 
@@ -20,7 +22,8 @@ const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;mar
     table{border-collapse:collapse;width:100%;margin:.4rem 0 1rem}td,th{border:1px solid #ddd;padding:.25rem .5rem;\
     text-align:left;vertical-align:top}b{color:#1b4f8f}details>div{margin-left:1.2rem}\
     @media(prefers-color-scheme:dark){body{color:#ddd;background:#181818}pre{background:#242424}b{color:#8ab8f0}\
-    a{color:#8ab8f0}td,th{border-color:#444}}";
+    a{color:#8ab8f0}td,th{border-color:#444}}\
+    nav a{margin-right:1rem}pre.run::before{content:'$ ';color:#888}details[open]>summary{font-weight:600}";
 
 /// Methods in the order in which they are shown.
 const METHODS: [&str; 4] = ["get", "put", "post", "delete"];
@@ -62,27 +65,35 @@ fn page(document: &Value) -> String {
     let title = text(&info["title"]);
     let mut html = format!(
         "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style>\
-         <h1>{title} {}</h1><p>{}</p><p>The same as <a href=\"/openapi.yaml\">openapi.yaml</a>; \
-         <a href=\"/capabilities\">capabilities</a> has formats, parameters and limits as data.</p>",
+         <h1>{title} {}</h1>{}<p>The same as <a href=\"/openapi.yaml\">openapi.yaml</a>; \
+         <a href=\"/capabilities\">capabilities</a> has formats, parameters and limits as data; <a href=\"/\">the viewer</a> shows \
+         clouds and modes. In the commands, <code>$CLOUD</code> and <code>$JOB</code> are ids out of the answer to an upload; a \
+         service with keys also wants <code>-H \"Authorization: Bearer $KEY\"</code>.</p><nav>",
         text(&info["version"]),
-        text(&info["description"])
+        prose(&info["description"])
     );
     for tag in document["tags"].as_array().into_iter().flatten() {
-        let _ = write!(html, "<h2>{}</h2><p>{}</p>", text(&tag["name"]), text(&tag["description"]));
+        let _ = write!(html, "<a href=\"#tag-{0}\">{0}</a>", text(&tag["name"]));
+    }
+    html.push_str("<a href=\"#schemas\">schemas</a></nav>");
+    for tag in document["tags"].as_array().into_iter().flatten() {
+        let _ =
+            write!(html, "<h2 id=\"tag-{0}\">{0}</h2>{1}", text(&tag["name"]), prose(&tag["description"]));
         for (path, item) in document["paths"].as_object().into_iter().flatten() {
             for method in METHODS {
                 let operation = &item[method];
                 if operation["tags"].as_array().is_some_and(|tags| tags.contains(&tag["name"])) {
-                    show_operation(&mut html, method, path, operation);
+                    show_operation(&mut html, document, (method, path), operation);
                 }
             }
         }
     }
-    html.push_str("<h2>Schemas</h2>");
+    html.push_str("<h2 id=\"schemas\">Schemas</h2>");
     for (name, schema) in document["components"]["schemas"].as_object().into_iter().flatten() {
-        let (name, description) = (escaped(name), text(&schema["description"]));
+        let (name, description) = (escaped(name), line(&schema["description"]));
+        // Browsers open what a link into it leads to, so the name is that of the inside.
         let _ =
-            write!(html, "<details id=\"{name}\"><summary><code>{name}</code> {description}</summary><div>");
+            write!(html, "<details><summary><code>{name}</code> {description}</summary><div id=\"{name}\">");
         show_fields(&mut html, schema);
         html.push_str("</div></details>");
     }
@@ -90,14 +101,15 @@ fn page(document: &Value) -> String {
     html
 }
 
-fn show_operation(html: &mut String, method: &str, path: &str, operation: &Value) {
+fn show_operation(html: &mut String, document: &Value, (method, path): (&str, &str), operation: &Value) {
     let _ = write!(
         html,
-        "<details><summary><b>{}</b> <code>{}</code> {}</summary><div><p>{}</p>",
+        "<details><summary><b>{}</b> <code>{}</code> {}</summary><div>{}<pre class=\"run\">{}</pre>",
         method.to_ascii_uppercase(),
         escaped(path),
-        text(&operation["summary"]),
-        text(&operation["description"])
+        line(&operation["summary"]),
+        prose(&operation["description"]),
+        escaped(&sample::curl(document, method, path, operation))
     );
     if let Some(parameters) = operation["parameters"].as_array().filter(|all| !all.is_empty()) {
         html.push_str("<table><tr><th>parameter<th>in<th>values<th>meaning");
@@ -108,7 +120,7 @@ fn show_operation(html: &mut String, method: &str, path: &str, operation: &Value
                 text(&parameter["name"]),
                 text(&parameter["in"]),
                 kind(&parameter["schema"]),
-                text(&parameter["description"])
+                line(&parameter["description"])
             );
         }
         html.push_str("</table>");
@@ -116,6 +128,9 @@ fn show_operation(html: &mut String, method: &str, path: &str, operation: &Value
     show_contents(html, "body", &operation["requestBody"]);
     for (status, response) in operation["responses"].as_object().into_iter().flatten() {
         show_contents(html, &escaped(status), response);
+        if status.starts_with('2') {
+            show_example(html, document, response);
+        }
     }
     html.push_str("</div></details>");
 }
@@ -125,11 +140,19 @@ fn show_contents(html: &mut String, name: &str, body: &Value) {
     if body.is_null() {
         return;
     }
-    let _ = write!(html, "<p><b>{name}</b> {}", text(&body["description"]));
+    let _ = write!(html, "<p><b>{name}</b> {}", line(&body["description"]));
     for (media_type, content) in body["content"].as_object().into_iter().flatten() {
         let _ = write!(html, "<br><code>{}</code> {}", escaped(media_type), kind(&content["schema"]));
     }
     html.push_str("</p>");
+}
+
+/// What an answer in JSON looks like.
+fn show_example(html: &mut String, document: &Value, response: &Value) {
+    let example = sample::example(document, &response["content"]["application/json"]["schema"]);
+    if let Some(text) = example.and_then(|example| serde_json::to_string_pretty(&example).ok()) {
+        let _ = write!(html, "<pre>{}</pre>", escaped(&text));
+    }
 }
 
 /// The fields of a schema, with those of its parts.
@@ -144,7 +167,7 @@ fn show_fields(html: &mut String, schema: &Value) {
                 "<tr><td><code>{}</code><td>{}<td>{}<td>{}",
                 escaped(name),
                 kind(field),
-                text(&field["description"]),
+                line(&field["description"]),
                 example.unwrap_or_default()
             );
         }
@@ -194,6 +217,19 @@ fn text(value: &Value) -> String {
     escaped(value.as_str().unwrap_or_default())
 }
 
+/// Text on a line, what stands between backticks as code.
+fn line(value: &Value) -> String {
+    let text = text(value);
+    let parts = text.split('`').enumerate();
+    parts.map(|(i, part)| if i % 2 == 1 { format!("<code>{part}</code>") } else { part.to_owned() }).collect()
+}
+
+/// The same in paragraphs.
+fn prose(value: &Value) -> String {
+    let text = line(value);
+    text.split("\n\n").filter(|part| !part.is_empty()).map(|part| format!("<p>{part}</p>")).collect()
+}
+
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
@@ -205,7 +241,7 @@ mod tests {
     #[test]
     fn the_page_shows_every_operation_and_every_field_and_escapes_them() {
         let document = serde_json::json!({
-            "info": {"title": "t", "version": "1", "description": "a < b"},
+            "info": {"title": "t", "version": "1", "description": "a < b\n\nand `c < d`"},
             "tags": [{"name": "one", "description": "first"}],
             "paths": {"/x/{id}": {"get": {"tags": ["one"], "summary": "Gets.",
                 "parameters": [{"name": "id", "in": "path", "description": "Which.", "schema": {"type": "integer", "minimum": 1}}],
@@ -215,11 +251,13 @@ mod tests {
         });
         let html = page(&document);
         for part in [
-            "a &lt; b",
+            "<p>a &lt; b</p><p>and <code>c &lt; d</code></p>",
+            "<h2 id=\"tag-one\">",
+            "curl &quot;http://127.0.0.1:8080/x/$JOB&quot;",
             "<b>GET</b> <code>/x/{id}</code> Gets.",
             "integer from 1",
             "<code>text/csv</code> <a href=\"#X\">X</a>",
-            "<details id=\"X\">",
+            "<div id=\"X\">",
             "number or null",
             "\\&quot;&lt;&amp;",
         ] {

@@ -13,7 +13,7 @@ use crate::http::wire::accept::{self, Offer, PNG};
 use crate::http::wire::download::{self, Download};
 use crate::http::wire::owners;
 use crate::http::wire::problem::{Kind, Problem};
-use crate::picture::Paint;
+use crate::picture::{Legend, Paint, legend_of_basis};
 
 /// What it can be had as.
 pub(crate) const OFFERS: [Offer; 1] = [PNG];
@@ -71,7 +71,11 @@ pub(crate) async fn image(
     let cloud = service.store.load_cloud(job.cloud_id).await?;
     let values = service.store.basis(job.id, index).await?;
     let title = format!("basis {index} of job {}", job.id);
-    let draw = move || view::png(&cloud, &Paint::Diverging(&values), &[], &view, &title);
+    let shown = legend_of_basis(index, spectrum.eigenvalues[index]);
+    let draw = move || {
+        let legend = Legend { title: &shown, unit: "1/length" };
+        view::png_with(&cloud, &Paint::Diverging(&values), &[], &view, (&title, &legend))
+    };
     let bytes = service.compute.run(draw).await??;
     let stem = format!("basis-{index}-{}", job.id);
     let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };

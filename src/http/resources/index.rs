@@ -1,10 +1,19 @@
-//! `GET /`: where to go from here.
+//! `GET /`: where to go from here; to a browser, the viewer.
 
 use std::collections::BTreeMap;
 
 use axum::Json;
+use axum::extract::State;
+use axum::http::{Extensions, HeaderMap, HeaderValue, Uri, header};
+use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
+
+use super::page;
+use crate::http::service::Shared;
+use crate::http::wire::accept::{self, HTML, JSON};
+use crate::http::wire::owners;
+use crate::http::wire::problem::Problem;
 
 /// The way in.
 #[derive(Debug, Serialize, ToSchema)]
@@ -22,8 +31,32 @@ pub(crate) struct Index {
 }
 
 /// What this service is, and where to find what.
-#[utoipa::path(get, path = "/", tag = "service", responses((status = 200, description = "Links.", body = Index)))]
-pub(crate) async fn index() -> Json<Index> {
+///
+/// Browsers, which accept text/html, get a page that shows clouds and their modes.
+#[utoipa::path(
+    get,
+    path = "/",
+    tag = "service",
+    responses((status = 200, description = "Links, or the page.", content((Index = "application/json"), (String = "text/html"))))
+)]
+pub(crate) async fn index(
+    State(service): State<Shared>,
+    uri: Uri,
+    headers: HeaderMap,
+    extensions: Extensions,
+) -> Result<Response, Problem> {
+    // Who accepts neither is told what there is all the same.
+    let mut response = if accept::choose(None, &headers, &[JSON, HTML]).is_ok_and(|offer| offer == HTML) {
+        let owner = service.keys.is_none().then(|| owners::owner(&extensions));
+        page::page(&service, owner.as_ref(), &uri).await?
+    } else {
+        links().into_response()
+    };
+    response.headers_mut().insert(header::VARY, HeaderValue::from_static("accept"));
+    Ok(response)
+}
+
+fn links() -> Json<Index> {
     Json(Index {
         service: env!("CARGO_PKG_NAME"),
         version: env!("CARGO_PKG_VERSION"),

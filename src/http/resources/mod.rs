@@ -20,6 +20,7 @@ pub(super) mod jobs;
 pub(super) mod laplacian;
 pub(super) mod metrics;
 pub(super) mod operator;
+pub(super) mod page;
 pub(super) mod parameters;
 pub(super) mod points;
 pub(super) mod problems;

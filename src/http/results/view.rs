@@ -3,7 +3,7 @@
 use crate::cloud::PointCloud;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::query::{Accepts, Argument, Arguments};
-use crate::picture::{Background, Paint, Picture, Up, View};
+use crate::picture::{Background, Legend, Paint, Picture, Up, View};
 
 /// Most pixels along either side.
 const SIDE_MAX: u64 = 2048;
@@ -57,6 +57,13 @@ pub(crate) const VIEW: &[Argument] = &[
         default: "white",
         meaning: "Of pictures: what is behind the points.",
     },
+    Argument {
+        name: "legend",
+        alias: None,
+        accepts: Accepts::Switch,
+        default: "false",
+        meaning: "Of pictures that are colored by numbers: adds the color bar with values, what is shown and its unit.",
+    },
 ];
 
 /// The view that the arguments of [`VIEW`] describe.
@@ -72,6 +79,7 @@ pub(crate) fn read(arguments: &Arguments) -> View {
             .word("background")
             .and_then(Background::from_name)
             .unwrap_or(default.background),
+        legend: arguments.switch("legend").unwrap_or(default.legend),
     }
 }
 
@@ -86,7 +94,7 @@ pub(crate) fn key(view: &View) -> String {
     format!("{view:?}")
 }
 
-/// Draws a picture as a PNG file.
+/// Draws a picture as a PNG file; its title is that of the color bar too.
 ///
 /// # Errors
 /// A problem of ours when it cannot be written.
@@ -97,7 +105,25 @@ pub(crate) fn png(
     view: &View,
     title: &str,
 ) -> Result<Vec<u8>, Problem> {
-    Picture::draw(cloud, paint, marks, view).to_png(title).map_err(|error| Problem::internal(&error))
+    png_with(cloud, paint, marks, view, (title, &Legend { title, unit: "" }))
+}
+
+/// The same with a color bar of its own.
+///
+/// # Errors
+/// As [`png`].
+pub(crate) fn png_with(
+    cloud: &PointCloud,
+    paint: &Paint<'_>,
+    marks: &[usize],
+    view: &View,
+    (title, legend): (&str, &Legend<'_>),
+) -> Result<Vec<u8>, Problem> {
+    let mut picture = Picture::draw(cloud, paint, marks, view);
+    if view.legend {
+        picture.add_legend(legend, paint, view.background);
+    }
+    picture.to_png(title).map_err(|error| Problem::internal(&error))
 }
 
 #[cfg(test)]

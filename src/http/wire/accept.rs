@@ -45,6 +45,8 @@ pub(crate) const STL: Offer = Offer { name: "stl", media_types: &["model/stl"] }
 pub(crate) const PCD: Offer = Offer { name: "pcd", media_types: &["application/x-pcd"] };
 /// A picture.
 pub(crate) const PNG: Offer = Offer { name: "png", media_types: &["image/png"] };
+/// A page.
+pub(crate) const HTML: Offer = Offer { name: "html", media_types: &["text/html"] };
 /// A plot.
 pub(crate) const SVG: Offer = Offer { name: "svg", media_types: &["image/svg+xml"] };
 

@@ -20,13 +20,15 @@ const BYTES_MIN: u64 = 1024;
 /// Bytes of memory that an encoder of a body that is not small takes.
 const ENCODER_BYTES: u64 = 2 << 20;
 /// What is compressed.
-const TEXT: [&str; 8] = [
+const TEXT: [&str; 10] = [
     "application/json",
     "application/problem+json",
     "application/yaml",
     "image/svg+xml",
+    "text/css",
     "text/csv",
     "text/html",
+    "text/javascript",
     "text/x-matrix-market",
     "text/x-xyz",
 ];

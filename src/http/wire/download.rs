@@ -9,10 +9,15 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use serde::Serialize;
 
-use super::accept::Offer;
+use super::accept::{CSV, JSON, Offer, PNG, SVG};
 use super::memory::Reservation;
 use super::problem::{Kind, Problem};
 use crate::jobs::Wanted;
+
+/// What browsers show; everything else they save.
+const SHOWN: [Offer; 4] = [PNG, SVG, JSON, CSV];
+/// An answer that is opened by itself runs nothing and loads nothing.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'";
 
 /// A representation of a result, before its bytes are made.
 #[derive(Debug)]
@@ -77,10 +82,13 @@ impl Download {
         let mut response = Response::new(body);
         let answered = response.headers_mut();
         answered.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.offer.media_type()));
-        let disposition = format!("attachment; filename=\"{}.{}\"", self.stem, self.offer.name);
+        let kind = if SHOWN.contains(&self.offer) { "inline" } else { "attachment" };
+        let disposition = format!("{kind}; filename=\"{}.{}\"", self.stem, self.offer.name);
         if let Ok(disposition) = HeaderValue::from_str(&disposition) {
             answered.insert(header::CONTENT_DISPOSITION, disposition);
         }
+        answered.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+        answered.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
         let Some(length) = self.length else { return Ok(response) };
         answered.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
         answered.insert(header::CONTENT_LENGTH, HeaderValue::from(wanted.end - wanted.start));
@@ -214,6 +222,21 @@ mod tests {
         assert_eq!(ask("\"e\""), Some(0..10));
         assert_eq!(ask("\"f\""), None);
         assert_eq!(ask("W/\"e\""), None);
+    }
+
+    #[test]
+    fn browsers_show_pictures_and_text_and_save_arrays() {
+        for (offer, expected) in [
+            (PNG, "inline; filename=\"x.png\""),
+            (crate::http::wire::accept::NPY, "attachment; filename=\"x.npy\""),
+        ] {
+            let download = Download { offer, tag: "t".to_owned(), stem: "x".to_owned(), length: Some(1) };
+            let answer = download
+                .answer(&Method::GET, &HeaderMap::new(), Reservation::small(), |_| Body::from("1"))
+                .unwrap();
+            assert_eq!(answer.headers()[header::CONTENT_DISPOSITION], expected);
+            assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff");
+        }
     }
 
     #[test]

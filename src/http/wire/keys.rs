@@ -16,7 +16,7 @@ use crate::store::Owner;
 /// Probes that an orchestrator asks without a key, and pages that tell of the service, not of what is stored.
 const OPEN_PATHS: [&str; 5] = ["/livez", "/readyz", "/", "/docs", "/capabilities"];
 /// Beginnings of further ones.
-const OPEN_PREFIXES: [&str; 2] = ["/openapi.", "/problems/"];
+const OPEN_PREFIXES: [&str; 3] = ["/openapi.", "/problems/", "/viewer/"];
 /// A shorter key can be guessed.
 const KEY_LENGTH_MIN: usize = 16;
 

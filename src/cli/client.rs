@@ -1,4 +1,4 @@
-//! A small HTTP client: the demo speaks to the service as anybody else would, through a socket.
+//! A small HTTP client: commands speak to their own service as anybody else would, through a socket.
 
 use std::net::SocketAddr;
 
@@ -39,8 +39,8 @@ pub(crate) enum ClientError {
         /// What the service says.
         detail: String,
     },
-    /// The answer is no JSON.
-    #[error("the answer is no JSON: {0}")]
+    /// The answer is not JSON.
+    #[error("the answer is not JSON: {0}")]
     Json(#[from] serde_json::Error),
 }
 
@@ -60,7 +60,7 @@ impl Client {
         let (sender, connection) = handshake(TokioIo::new(stream)).await?;
         tokio::spawn(async move {
             if let Err(error) = connection.await {
-                tracing::debug!(%error, "the demo's connection ended");
+                tracing::debug!(%error, "the connection ended");
             }
         });
         Ok(Self { sender, host: address.to_string() })
