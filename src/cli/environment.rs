@@ -57,8 +57,7 @@ fn filter(text: &str) -> (EnvFilter, Option<String>) {
         return (default(), None);
     }
     let refused = |why: String| {
-        let told =
-            format!("{LOG}=`{text}` is not a filter: {why}; use debug or chladni::jobs=trace, for example");
+        let told = format!("{LOG}=`{text}` is not a filter: {why}; use debug or chladni=trace, for example");
         (default(), Some(told))
     };
     // A word alone is taken for a part of a program, and silences everything else.
@@ -93,9 +92,7 @@ mod tests {
 
     #[test]
     fn a_filter_that_is_broken_is_replaced_and_complained_about() {
-        for good in
-            ["", "info", "DEBUG", "chladni::jobs=trace", "warn,chladni=debug", "chladni", "sqlx=off,info"]
-        {
+        for good in ["", "info", "DEBUG", "chladni=trace", "warn,chladni=debug", "chladni", "sqlx=off,info"] {
             assert_eq!(filter(good).1, None, "{good}");
         }
         for broken in ["inof", "chladni=loud", "info,verbose", "3x", "[{"] {
