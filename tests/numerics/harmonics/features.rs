@@ -1,12 +1,13 @@
 //! Feature points: found again on another sampling of the same shape [PBMHB §5.5, Fig. 10, 11].
 
+use std::io::Write as _;
+
 use chladni::cloud::reader::{Format, ReadOptions, read};
 use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
 use chladni::cloud::{NonFinite, PointCloud};
 use chladni::harmonics::Surroundings;
 use chladni::harmonics::features::{self, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
 use chladni::operator::OperatorKind::{self, Graph, PbMhb};
-use std::io::Write as _;
 
 use super::Basis;
 use crate::{hashed, parameters};
