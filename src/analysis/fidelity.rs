@@ -1,14 +1,14 @@
 //! How far the numbers can be trusted, by what the surface looks like.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 use super::Parameters;
 use crate::geometry::survey::Surveyed;
 use crate::operator::OperatorKind;
 
 /// What the triangulated surface says of itself. Absent for operators that triangulate none.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Fidelity {
     /// 0 to 1: from 0.9 on, 95 % of eigenvalue spectra are expected to be within 2 % of the surface's.
     pub trust: f64,
