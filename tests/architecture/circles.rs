@@ -116,7 +116,7 @@ fn resolve(path: &[String], files: &BTreeMap<Module, String>) -> Option<Module> 
 
 /// All paths that begin with `crate::` or `super::`, from the root.
 fn paths(file: &Module, source: &str) -> Vec<Module> {
-    let source = source.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    let source = source.split("mod tests {").next().unwrap_or_default();
     let mut found = Vec::new();
     for (at, _) in source.match_indices("crate::") {
         found.extend(tree(&source[at + "crate::".len()..], Vec::new()));
