@@ -110,7 +110,7 @@ impl Upload {
             .or(self.declared)
             .or_else(|| Format::of_file(self.file_name.as_deref(), &self.bytes))
             .ok_or_else(|| match reader::foreign(&self.bytes) {
-                Some(error) => error.into(),
+                Some(error) => unsupported(&error.to_string()),
                 None => unsupported("the format cannot be told from the file"),
             })
     }
