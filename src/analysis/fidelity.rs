@@ -10,7 +10,7 @@ use crate::operator::OperatorKind;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Fidelity {
-    /// 0 to 1: from 0.9 on, 95 % of eigenvalue spectra are expected to be within 2 % of the surface's.
+    /// 1 where none of the figures below speaks against the numbers, towards 0 where they do; no bound on the error.
     pub trust: f64,
     /// Share of the walls between cells that their two sides see differently: sheets that touch, edges sharper than the
     /// sampling.
