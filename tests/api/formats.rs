@@ -95,6 +95,34 @@ async fn a_survey_in_las_comes_back_in_every_format_to_the_last_digit() {
 }
 
 #[tokio::test]
+async fn points_are_had_as_meshes_and_pcd_and_without_rows_that_have_no_position() {
+    let service = Service::start().await;
+    let text = b"OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 nan 0\n3 0 1 2\n".to_vec();
+    let created: Value =
+        service.post("/clouds?analyze=false&nonfinite=drop", text).await.json().await.unwrap();
+    let path = created["links"]["points"].as_str().unwrap();
+    for (name, rows) in [("obj", 3), ("off", 3), ("stl", 3), ("pcd", 3), ("las", 3)] {
+        let response = service.get(&format!("{path}?format={name}&nonfinite=omit")).await;
+        assert_eq!(response.status(), StatusCode::OK, "{name}");
+        let bytes = response.bytes().await.unwrap();
+        let format = Format::from_name(name).unwrap();
+        let back = reader::read(&bytes, format, &ReadOptions::default()).unwrap();
+        assert_eq!(back.len(), rows, "{name}");
+    }
+    let response = service.get(&format!("{path}?format=las")).await;
+    problem(response, StatusCode::NOT_ACCEPTABLE, "not-acceptable").await;
+}
+
+#[tokio::test]
+async fn a_default_that_a_small_cloud_does_not_allow_is_lowered_and_told() {
+    let service = Service::start().await;
+    let id = service.succeed("operator=voronoi", file(&sphere(60), Format::Ply)).await;
+    let job = service.json(&format!("/jobs/{id}")).await;
+    assert_eq!(job["parameters"]["bases"], 60);
+    assert!(job["warnings"][0].as_str().unwrap().contains("the most that 60 distinct points allow"), "{job}");
+}
+
+#[tokio::test]
 async fn a_scan_comes_back_on_its_own_grid_bit_for_bit() {
     let service = Service::start().await;
     for is_compressed in [false, true] {
