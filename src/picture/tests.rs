@@ -109,9 +109,9 @@ fn square(side: u32, depth: f64, size: f64) -> Vec<f64> {
 
 #[test]
 fn a_sparse_surface_hides_a_dense_one_behind_it() {
-    let points = [square(12, -1.0, 2.0), square(150, 1.0, 2.0)].concat();
+    let points = [square(24, -1.0, 2.0), square(150, 1.0, 2.0)].concat();
     let cloud = PointCloud::new(3, points, NonFinite::Reject).unwrap();
-    let values: Vec<f64> = (0..cloud.len()).map(|row| if row < 144 { 1.0 } else { -1.0 }).collect();
+    let values: Vec<f64> = (0..cloud.len()).map(|row| if row < 24 * 24 { 1.0 } else { -1.0 }).collect();
     let picture = Picture::draw(&cloud, &Paint::Diverging(&values), &[], &front());
     let view = front();
     for y in 8..view.height - 8 {

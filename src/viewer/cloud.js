@@ -42,12 +42,15 @@ export class Cloud {
     return readPlyFaces(await part(this.ply, layout.facesAt, Number.MAX_SAFE_INTEGER), layout);
   }
 
+  /** Coordinates in PLY, before the fields: their names there may be others, for PLY has no spaces in names. */
+  get axes() { return Math.max(this.dimension, 3); }
+
   get fieldNames() { return this.record.fields.map((field) => field.name); }
 
   async field(name) {
     const layout = await this.head();
     this.whole ??= buffer(this.ply).catch((error) => { this.whole = null; throw error; });
-    return readPlyField(await this.whole, layout, name);
+    return readPlyField(await this.whole, layout, layout.properties[this.axes + this.fieldNames.indexOf(name)]);
   }
 
   get hasColors() { return ['red', 'green', 'blue'].every((name) => this.fieldNames.includes(name)); }
@@ -67,7 +70,7 @@ export class Cloud {
     const layout = await this.head();
     const at = layout.begin + row * layout.stride;
     const data = new DataView(await part(this.ply, at, at + layout.stride));
-    return layout.properties.map(({ name, offset, read }) => [name, data[read](offset, true)]);
+    return layout.properties.map(({ name, offset, read }, i) => [this.fieldNames[i - this.axes] ?? name, data[read](offset, true)]);
   }
 }
 

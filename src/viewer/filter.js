@@ -51,6 +51,8 @@ export class LiveFilter {
   async apply({ gains, outside }, seen) {
     this.turn += 1;
     const turn = this.turn;
+    // What becomes of the center, which is constant: its place is not drawn.
+    [this.ofCenter] = gains;
     this.preparing ??= this.prepare();
     await this.preparing;
     if (turn !== this.turn) return false;

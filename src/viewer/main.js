@@ -216,7 +216,7 @@ window.chladni = {
   measure: (frames, most) => renderer.measure(frames, most),
   page: () => pageOf(scene, document.title, session.legend),
   curl: () => curl(session.modeCount, hasKey()),
-  position: (row) => [0, 1, 2].map((axis) => (session.moved ?? session.positions)[3 * row + axis] + session.cloud.center[axis]),
+  position: (row) => [0, 1, 2].map((axis) => (session.moved ?? session.positions)[3 * row + axis] + (session.live?.ofCenter ?? 1) * session.cloud.center[axis]),
 };
 reset(read(location.hash.slice(1)));
 attempt(begin);

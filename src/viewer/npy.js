@@ -73,9 +73,7 @@ export function readPlyHead(buffer) {
 }
 
 /** One property of every vertex. */
-export function readPlyField(buffer, layout, name) {
-  const property = layout.properties.find((one) => one.name === name);
-  if (!property) throw new Error(`the cloud has no field ${name}`);
+export function readPlyField(buffer, layout, property) {
   const data = new DataView(buffer, layout.begin);
   const values = new Float32Array(layout.vertices);
   for (let row = 0; row < layout.vertices; row += 1) values[row] = data[property.read](row * layout.stride + property.offset, true);

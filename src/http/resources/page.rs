@@ -153,7 +153,7 @@ mod tests {
         let read = |query: &str| View::read(&format!("/?{query}").parse().unwrap());
         let view = read(&format!("job={job}&basis=7&azimuth=-400&elevation=x&up=y")).unwrap();
         assert_eq!(view, View { job, basis: 7, azimuth: -360.0, elevation: 20.0, up: Up::Y });
-        assert_eq!(read("job=<script>"), None);
+        assert_eq!(read("job=%3Cscript%3E"), None);
         assert_eq!(read(""), None);
     }
 }

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 /// Where the service is when nothing else is said.
 const SERVICE: &str = "http://127.0.0.1:8080";
 /// Schemas within schemas that an example shows.
-const DEPTH_MAX: usize = 5;
+const DEPTH_MAX: usize = 10;
 
 /// An example of a schema, made of the examples of its fields; `None` where there are none.
 pub(super) fn example(document: &Value, schema: &Value) -> Option<Value> {
