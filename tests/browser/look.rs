@@ -196,7 +196,7 @@ async fn names_out_of_files_stay_text() {
     browser.client.goto(&service.url(&format!("/#job={job}&color=field&row=5"))).await.unwrap();
     browser.ready().await;
     let state = browser.state("s.picked?.facts").await;
-    assert_eq!((&state["coloring"], &state["picked"]["facts"][name]), (&json!(name), &json!(5.0)));
+    assert_eq!((&state["coloring"], &state["picked"]["facts"][name]), (&json!(name), &json!(5)));
     assert_eq!(browser.text("#legend-title").await, name);
     assert_eq!(
         browser.run("return [window.harmed ?? null, document.querySelectorAll('img').length]", vec![]).await,
