@@ -204,17 +204,7 @@ pub fn analyze_by(
         triangles: &triangles,
     };
     warnings.splice(0..0, cloud.notes().iter().cloned());
-    let default = Parameters::default().bases;
-    if kind == JobKind::Eigen
-        && parameters.bases < default
-        && parameters.bases == bases_max(parameters, points.len())
-    {
-        warnings.push(format!(
-            "{} bases were computed, the most that {} distinct points allow; the default is {default}",
-            parameters.bases,
-            points.len()
-        ));
-    }
+    warnings.extend(warning_of_fewer_bases(kind, parameters, points.len()));
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, surveyed, triangles));
     progress.checkpoint()?;
@@ -257,6 +247,18 @@ pub fn analyze_by(
         }
     };
     Ok(Analysis { report, points, place, mass, stiffness, eigenbasis }.in_unit_of_cloud())
+}
+
+/// The default of `bases`, lowered to what so few points allow.
+fn warning_of_fewer_bases(kind: JobKind, parameters: &Parameters, points: usize) -> Option<String> {
+    let default = Parameters::default().bases;
+    let Parameters { bases, .. } = *parameters;
+    let is_lowered = kind == JobKind::Eigen && bases < default && bases == bases_max(parameters, points);
+    is_lowered.then(|| {
+        format!(
+            "{bases} bases were computed, the most that {points} distinct points allow; the default is {default}"
+        )
+    })
 }
 
 /// Solves the eigenproblem and writes what was found into the report.

@@ -57,7 +57,7 @@ impl Analysis {
     /// The analysis with all numbers in the upload's unit, of which `unit` is that of the points.
     pub(super) fn in_unit_of_cloud(mut self) -> Self {
         let unit = self.points.unit();
-        let volume = unit.powi(self.report.dimension as i32);
+        let volume = unit.powi(i32::try_from(self.report.dimension).unwrap_or(i32::MAX));
         let sampling = &mut self.report.sampling;
         sampling.epsilon *= unit;
         sampling.zeta *= unit;

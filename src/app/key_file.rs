@@ -1,5 +1,6 @@
 //! The file of API keys, edited: keys added and revoked by the names of their owners. Comments and order are kept.
 
+use std::fmt::Write as _;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, fchown};
@@ -215,7 +216,11 @@ fn entry(key: &str) -> KeyEntry {
 }
 
 fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        // Writing to a String does not fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
 }
 
 fn of_file(path: &Path, cause: io::Error) -> KeyFileError {

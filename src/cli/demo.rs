@@ -163,9 +163,9 @@ async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
     let orthogonality = report::orthogonality(&mut client, &id, cloud.len(), args.bases).await?;
     report::print(&job, &spectrum, orthogonality);
     if args.exit {
-        report::print_how_to_serve()
+        report::print_how_to_serve();
     } else {
-        report::print_next(app.address(), &job)
+        report::print_next(app.address(), &job);
     }
     Ok(())
 }

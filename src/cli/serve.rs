@@ -78,5 +78,5 @@ async fn reread_keys(app: &App, hangups: &mut Signal) {
     while hangups.recv().await.is_some() {
         app.reread_keys().await;
     }
-    std::future::pending().await
+    std::future::pending::<()>().await;
 }

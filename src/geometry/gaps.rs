@@ -20,12 +20,18 @@ const ALIKE: f64 = 0.7;
 /// Share of the rim's length that may have triangles alike on both sides.
 const ALIKE_SHARE_MAX: f64 = 0.2;
 
+/// Triangles this many times the ordinary size lead to stray points, not to sparser sampling: a step in density of 64 : 1
+/// makes triangles eight times as large.
+const STRAY: f64 = 8.0;
+
 /// The triangles taken out, grouped by common edges.
 pub(super) struct Taken {
     /// Spokes behind which they were, with the triangle's number: a triangle is in up to three stars.
     spokes: Vec<(usize, usize, u32)>,
     /// Corners of each, ascending.
     triangles: Vec<[u32; 3]>,
+    /// Size of each, in units of the ordinary size around it.
+    relative: Vec<f64>,
     /// The group of each.
     group: Vec<u32>,
     /// Triangles of every group.
@@ -35,12 +41,13 @@ pub(super) struct Taken {
 }
 
 impl Taken {
-    /// What is filled in `before` and not in `after`.
-    pub(super) fn between(before: &Stars, after: &Stars) -> Self {
+    /// What is filled in `before` and not in `after`; `sizes` are those of the triangles behind the spokes of `before`.
+    pub(super) fn between(before: &Stars, after: &Stars, sizes: &[f64]) -> Self {
         let mut number: HashMap<[u32; 3], u32> = HashMap::new();
         let mut taken = Self {
             spokes: Vec::new(),
             triangles: Vec::new(),
+            relative: Vec::new(),
             group: Vec::new(),
             sizes: Vec::new(),
             on_rim: Vec::new(),
@@ -53,6 +60,7 @@ impl Taken {
                 corners.sort_unstable();
                 let id = *number.entry(corners).or_insert_with(|| {
                     taken.triangles.push(corners);
+                    taken.relative.push(sizes[before.offsets()[i] + k]);
                     rim.push(false);
                     taken.triangles.len() as u32 - 1
                 });
@@ -97,7 +105,7 @@ impl Taken {
         }
     }
 
-    /// The groups around which the triangles are not smaller.
+    /// The groups around which the triangles are not smaller, and most of whose area does not lead to stray points.
     fn going_on(&self, stars: &Stars, points: &Points) -> Vec<bool> {
         let (mut all, mut alike) = (vec![0.0; self.sizes.len()], vec![0.0; self.sizes.len()]);
         let mut rims: Vec<([u32; 2], u32)> = self
@@ -118,7 +126,21 @@ impl Taken {
                 alike[group] += length;
             }
         }
-        all.iter().zip(alike).map(|(all, alike)| alike > ALIKE_SHARE_MAX * all).collect()
+        let astray = self.astray(points);
+        (0..all.len()).map(|group| alike[group] > ALIKE_SHARE_MAX * all[group] && !astray[group]).collect()
+    }
+
+    /// The groups most of whose area is in triangles that lead to stray points.
+    fn astray(&self, points: &Points) -> Vec<bool> {
+        let (mut area, mut stray) = (vec![0.0; self.sizes.len()], vec![0.0; self.sizes.len()]);
+        for ((&corners, &group), &relative) in self.triangles.iter().zip(&self.group).zip(&self.relative) {
+            let own = TriangleMetric::of(points, corners).area();
+            area[group as usize] += own;
+            if relative > STRAY {
+                stray[group as usize] += own;
+            }
+        }
+        area.iter().zip(stray).map(|(area, stray)| stray > 0.5 * area).collect()
     }
 }
 

@@ -67,7 +67,7 @@ impl Stars {
                 }
             }
         }
-        let taken = Taken::between(&before, &self);
+        let taken = Taken::between(&before, &self, &sizes);
         taken.close(&mut self, points, verify);
         self.trim();
         self

@@ -110,7 +110,7 @@ impl Survey<'_> {
         let orientation = Orientation::find(&sides, points.len(), &stars.links());
         progress.checkpoint()?;
         if sheet_aware && rules.part_sheets && orientation.conflicts < CONFLICTS_MAX {
-            stars = self.parted(stars, &frames, &orientation, &sides, progress)?;
+            stars = self.parted(&stars, &frames, &orientation, &sides, progress)?;
         }
         let whole = stars.area(points);
         let stars = stars.with_open_gaps(points, nearest, rules.verify_gaps);
@@ -122,7 +122,7 @@ impl Survey<'_> {
     /// The stars without neighbours that face the other way, where the others still surround the point.
     fn parted(
         &self,
-        stars: Stars,
+        stars: &Stars,
         frames: &Frames,
         orientation: &Orientation,
         planes: &Frames,

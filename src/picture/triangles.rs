@@ -30,7 +30,9 @@ pub(super) fn of_cloud(
     for face in cloud.faces() {
         let rows = face.map(|row| row as usize);
         let [Some(a), Some(b), Some(c)] = rows.map(|row| places[row]) else { continue };
-        rows.iter().for_each(|&row| is_corner[row] = true);
+        for row in rows {
+            is_corner[row] = true;
+        }
         let shares = rows.map(|row| scale.map_or(0.0, |scale| scale.share(row) as f32));
         triangles.push(Triangle { at: [a, b, c], normals: rows.map(|row| normals[row]), shares });
     }

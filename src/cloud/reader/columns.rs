@@ -218,7 +218,9 @@ fn settle(kind: &mut ScalarType, values: &mut [f64]) {
         if values.iter().any(|&x| has_more_digits(x)) {
             *kind = ScalarType::Float64;
         } else {
-            values.iter_mut().for_each(|x| *x = f64::from(*x as f32));
+            for x in values {
+                *x = f64::from(*x as f32);
+            }
         }
     } else if !values.iter().all(|&x| kind.holds(x)) {
         *kind = ScalarType::Float64;

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::io::{Cursor, Read};
+use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 use npyz::zip::ZipArchive;
@@ -28,6 +29,11 @@ impl Container {
     }
 }
 
+/// Whether an entry is an array of NumPy: archives of arrays are read as they are.
+fn is_array(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"))
+}
+
 /// Unpacks gzip, and zip of one file; what is in neither, and archives of arrays, as they are.
 pub(super) fn unpacked(bytes: &[u8], format: Format) -> Result<Cow<'_, [u8]>, ReadError> {
     match Container::of(bytes) {
@@ -35,7 +41,7 @@ pub(super) fn unpacked(bytes: &[u8], format: Format) -> Result<Cow<'_, [u8]>, Re
         Some(Container::Zip) => {
             let mut archive = open(bytes, format)?;
             let entries = entries(&mut archive, format)?;
-            if entries.iter().all(|(_, name)| name.ends_with(".npy")) {
+            if entries.iter().all(|(_, name)| is_array(name)) {
                 return Ok(Cow::Borrowed(bytes));
             }
             let [(index, _)] = entries.as_slice() else {
@@ -145,7 +151,7 @@ pub(super) fn head(bytes: &[u8], most: usize) -> Option<(Vec<u8>, Option<String>
             let mut archive = open(bytes, Format::Npy).ok()?;
             let entries = entries(&mut archive, Format::Npy).ok()?;
             let (index, name) = entries.first()?;
-            let is_one = entries.len() == 1 || entries.iter().all(|(_, name)| name.ends_with(".npy"));
+            let is_one = entries.len() == 1 || entries.iter().all(|(_, name)| is_array(name));
             let entry = archive.by_index(*index).ok().filter(|_| is_one)?;
             let _ = entry.take(most as u64).read_to_end(&mut head);
             Some((head, Some(name.clone())))

@@ -148,7 +148,7 @@ impl<'a> Scan<'a> {
         }
         heading.width = match &heading.names {
             Some(names) => Some(names.len()),
-            None if cells.len() > 1 && self.all_end_empty(dialect, cells.len(), &heading.rows) => {
+            None if cells.len() > 1 && Self::all_end_empty(dialect, cells.len(), &heading.rows) => {
                 Some(cells.len() - 1)
             }
             None => None,
@@ -157,7 +157,7 @@ impl<'a> Scan<'a> {
     }
 
     /// Whether the first rows all end in a separator.
-    fn all_end_empty(&self, dialect: Dialect, width: usize, rows: &Lines<'a>) -> bool {
+    fn all_end_empty(dialect: Dialect, width: usize, rows: &Lines<'a>) -> bool {
         dialect.separator.is_some()
             && rows
                 .clone()

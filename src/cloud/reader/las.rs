@@ -147,10 +147,14 @@ impl<'a> File<'a> {
         let source = Source { rows: records, stride: self.record, offset: place.offset, number };
         source.decode(Slot::packed(values));
         if place.mask != 0 {
-            values.iter_mut().for_each(|x| *x = f64::from((*x as u8 >> place.shift) & place.mask));
+            for x in &mut *values {
+                *x = f64::from((*x as u8 >> place.shift) & place.mask);
+            }
         }
         if let Some((scale, offset)) = place.scaled {
-            values.iter_mut().for_each(|x| *x = *x * scale + offset);
+            for x in values {
+                *x = *x * scale + offset;
+            }
         }
     }
 

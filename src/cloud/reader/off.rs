@@ -18,7 +18,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let mut tokens = Tokens { lines: Lines::new(bytes), line: None, rest: &[] };
     let variant = Variant::read(&mut tokens)?;
     if variant.is_binary {
-        return binary::read(bytes, binary::body(bytes), &variant, options);
+        return binary::read(bytes, binary::body(bytes), variant, options);
     }
     let mut count = |what: &str| {
         let word = tokens.next(|| format!("the {what}"))?;
@@ -34,13 +34,14 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         let message = format!("{points} vertices are announced, {possible} at most can follow");
         return Err(tokens.truncated(message));
     }
-    let columns = read_points(points, &variant, &mut tokens, options)?;
+    let columns = read_points(points, variant, &mut tokens, options)?;
     let triangles = read_faces(faces, &mut tokens, &columns, options)?;
     triangles.finish(columns, options)
 }
 
 /// What the first word says of the vertices.
 #[derive(Debug, Clone, Copy, Default)]
+#[allow(clippy::struct_excessive_bools)] // independent letters of one word
 struct Variant {
     has_textures: bool,
     has_colors: bool,
@@ -149,7 +150,7 @@ impl<'a> Tokens<'a> {
 
 fn read_points(
     points: usize,
-    variant: &Variant,
+    variant: Variant,
     tokens: &mut Tokens<'_>,
     options: &ReadOptions,
 ) -> Result<Columns, ReadError> {
@@ -197,7 +198,7 @@ fn read_points(
 }
 
 /// Coordinates, then normals if the first word says so, then colors, then texture coordinates.
-fn named(width: usize, variant: &Variant) -> Vec<Column> {
+fn named(width: usize, variant: Variant) -> Vec<Column> {
     let mut names = vec!["x", "y", "z"];
     if variant.has_normals && width >= 6 {
         names.extend(["nx", "ny", "nz"]);

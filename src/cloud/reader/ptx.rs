@@ -54,7 +54,7 @@ impl Scan {
                 *value = number_at(word, FORMAT, line.number)?;
             }
         }
-        let points = columns.checked_mul(rows).unwrap_or(usize::MAX);
+        let points = columns.saturating_mul(rows);
         Ok(Some(Self { points, matrix }))
     }
 

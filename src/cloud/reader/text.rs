@@ -188,12 +188,13 @@ pub(super) fn shown(word: &[u8]) -> String {
 
 /// The text of a file in UTF-16, told by its byte order mark or by zeros in every other byte; `None` for other files.
 pub(super) fn from_utf16(bytes: &[u8]) -> Option<Vec<u8>> {
+    type Unit = fn([u8; 2]) -> u16;
     let is_zero_at = |offset: usize| {
         let head = &bytes[..bytes.len().min(64) & !1];
         let zeros = |from: usize| head.iter().skip(from).step_by(2).filter(|&&byte| byte == 0).count();
         head.len() >= 8 && zeros(offset) == head.len() / 2 && zeros(1 - offset) == 0
     };
-    let (body, unit): (&[u8], fn([u8; 2]) -> u16) = match bytes {
+    let (body, unit): (&[u8], Unit) = match bytes {
         [0xFF, 0xFE, body @ ..] => (body, u16::from_le_bytes),
         [0xFE, 0xFF, body @ ..] => (body, u16::from_be_bytes),
         _ if is_zero_at(1) => (bytes, u16::from_le_bytes),

@@ -82,7 +82,9 @@ fn write_text(cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
             let corners = face.map(|row| position(cloud, row));
             push("facet normal", normal(corners), &mut text);
             text.extend_from_slice(b"outer loop\n");
-            corners.into_iter().for_each(|corner| push("vertex", corner, &mut text));
+            for corner in corners {
+                push("vertex", corner, &mut text);
+            }
             text.extend_from_slice(b"endloop\nendfacet\n");
         }
         out.write_all(&text)?;

@@ -227,7 +227,8 @@ fn line(value: &Value) -> String {
 /// The same in paragraphs.
 fn prose(value: &Value) -> String {
     let text = line(value);
-    text.split("\n\n").filter(|part| !part.is_empty()).map(|part| format!("<p>{part}</p>")).collect()
+    let parts: Vec<&str> = text.split("\n\n").filter(|part| !part.is_empty()).collect();
+    if parts.is_empty() { String::new() } else { format!("<p>{}</p>", parts.join("</p><p>")) }
 }
 
 fn escaped(text: &str) -> String {

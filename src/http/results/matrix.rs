@@ -48,7 +48,7 @@ type File<'a> = WantedWriter<Cursor<&'a mut Vec<u8>>>;
 
 fn write_csr(matrix: &SparseMatrix, file: File<'_>) -> io::Result<()> {
     let mut archive = NpzWriter::new(file);
-    let n = matrix.offsets.len() as i64 - 1;
+    let n = (matrix.offsets.len() as u64).cast_signed() - 1;
     let letters = DType::Plain("|S3".parse().map_err(io::Error::other)?);
     let mut format = archive.array("format", options(3))?.dtype(letters).shape(&[]).begin_nd()?;
     format.push(b"csr".as_slice())?;
@@ -56,12 +56,12 @@ fn write_csr(matrix: &SparseMatrix, file: File<'_>) -> io::Result<()> {
     add(&mut archive, "shape", [n; 2].into_iter())?;
     add(&mut archive, "data", matrix.values.iter().copied())?;
     // SciPy keeps both kinds of index in one type, and prefers the shorter.
-    if matrix.values.len() <= i32::MAX as usize {
-        add(&mut archive, "indices", matrix.columns.iter().map(|&column| column as i32))?;
+    if i32::try_from(matrix.values.len()).is_ok() {
+        add(&mut archive, "indices", matrix.columns.iter().map(|&column| column.cast_signed()))?;
         add(&mut archive, "indptr", matrix.offsets.iter().map(|&offset| offset as i32))
     } else {
         add(&mut archive, "indices", matrix.columns.iter().map(|&column| i64::from(column)))?;
-        add(&mut archive, "indptr", matrix.offsets.iter().map(|&offset| offset as i64))
+        add(&mut archive, "indptr", matrix.offsets.iter().map(|&offset| offset.cast_signed()))
     }
 }
 

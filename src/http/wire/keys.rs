@@ -60,8 +60,8 @@ impl Keys {
         let mut keys: Vec<Key> = Vec::new();
         for (number, entry) in (1..).zip(entries(text)) {
             let (name, key) = match entry.split_whitespace().collect::<Vec<_>>().as_slice() {
-                &[key] => (None, key),
-                &[name, key] => (Some(name), key),
+                [key] => (None, *key),
+                [name, key] => (Some(*name), *key),
                 _ => return Err(KeysError::Words(number)),
             };
             let (digest, unnamed) = (digest(key), unnamed(key));

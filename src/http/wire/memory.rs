@@ -106,7 +106,7 @@ impl MemoryBudget {
             common: bytes + bytes / 2 - small,
             bodies: bytes,
             answers: bytes,
-            owner: (bytes + bytes / 2) / 2,
+            owner: bytes / 4 * 3,
         };
         let (held, freed) = (Mutex::default(), Notify::new());
         Self(Arc::new(Shared { parts, patience, held, freed }))

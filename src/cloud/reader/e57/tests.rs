@@ -154,9 +154,10 @@ fn a_quaternion_that_is_not_quite_of_length_one_does_not_scale() {
 
 #[test]
 fn bits_are_unpacked_as_the_crate_unpacks_them() {
+    use RecordName::{CartesianX, CartesianY, CartesianZ, Intensity, RowIndex};
+
     let scaled = RecordDataType::ScaledInteger { min: -65_536, max: 65_535, scale: 1e-3, offset: 0.5 };
     let odd = RecordDataType::Integer { min: -5, max: 4994 };
-    use RecordName::{CartesianX, CartesianY, CartesianZ, Intensity, RowIndex};
     let mut prototype: Vec<Record> =
         [CartesianX, CartesianY, CartesianZ].map(|name| record(name, scaled.clone())).to_vec();
     prototype.extend([record(Intensity, odd), record(RowIndex, BYTE)]);

@@ -56,7 +56,7 @@ impl Packing {
             Self::Single => f64::from(f32::from_bits(raw as u32)),
             Self::Double => f64::from_bits(raw),
             Self::Integer { minimum, scale, offset, .. } => {
-                minimum.wrapping_add(raw as i64) as f64 * scale + offset
+                minimum.wrapping_add(raw.cast_signed()) as f64 * scale + offset
             }
         }
     }
@@ -151,7 +151,7 @@ mod tests {
                 let mut found = vec![f64::NAN; numbers.len()];
                 bytes.chunks(piece).for_each(|bytes| stream.take(bytes, |place, value| found[place] = value));
                 assert!(stream.is_complete());
-                let expected: Vec<f64> = numbers.iter().map(|&number| number as i64 as f64).collect();
+                let expected: Vec<f64> = numbers.iter().map(|&number| number.cast_signed() as f64).collect();
                 assert_eq!(found, expected, "{bits} bits, {piece} bytes");
             }
         }

@@ -58,9 +58,9 @@ impl Header {
         let (rows, width) = match shape[..] {
             [rows] => (rows, 1),
             [rows, width] if !is_record => (rows, width),
-            [height, width] => (height.checked_mul(width).unwrap_or(usize::MAX), 1),
+            [height, width] => (height.saturating_mul(width), 1),
             [height, width, channels] if !is_record && !is_fortran => {
-                (height.checked_mul(width).unwrap_or(usize::MAX), channels)
+                (height.saturating_mul(width), channels)
             }
             _ => {
                 let axes = shape.len();
@@ -85,7 +85,7 @@ impl Header {
         };
         match kind {
             Kind::Number(number) => {
-                header.stride = width.checked_mul(number.size()).unwrap_or(usize::MAX);
+                header.stride = width.saturating_mul(number.size());
                 header.block(bytes)?;
                 let member = |index| Member { name: None, number, offset: index * number.size() };
                 header.columns = (0..width).map(member).collect();

@@ -79,7 +79,7 @@ impl Layout {
 pub(super) fn read(
     bytes: &[u8],
     body: usize,
-    variant: &Variant,
+    variant: Variant,
     options: &ReadOptions,
 ) -> Result<PointCloud, ReadError> {
     let width = variant.width();

@@ -160,7 +160,7 @@ fn put_counts(header: &mut [u8], count: usize, points: &Points<'_>, is_1_4: bool
     }
     let count = count as u64;
     let had_legacy = u32_at(header, at::POINTS_LEGACY).is_some_and(|points| points > 0);
-    let fits = count <= u64::from(u32::MAX);
+    let fits = u32::try_from(count).is_ok();
     if !fits && !is_1_4 {
         return Err(super::unsupported("LAS before 1.4 holds 4294967295 points at most".to_owned()));
     }

@@ -87,12 +87,11 @@ impl<'a> Points<'a> {
         for (place, field) in self.filled.iter().filter(|(place, _)| place.mask == 0) {
             if let Stored::Scalar(kind) = place.stored {
                 let values = &field.values[rows.clone()];
-                match place.scaled {
-                    None => write(values, kind, place.offset),
-                    Some(_) => {
-                        let numbers: Vec<f64> = values.iter().map(|&value| place.number_of(value)).collect();
-                        write(&numbers, kind, place.offset);
-                    }
+                if place.scaled.is_none() {
+                    write(values, kind, place.offset);
+                } else {
+                    let numbers: Vec<f64> = values.iter().map(|&value| place.number_of(value)).collect();
+                    write(&numbers, kind, place.offset);
                 }
             }
         }
