@@ -1,6 +1,6 @@
 //! The running service: database, workers and listener, started and stopped in order.
 
-mod backup;
+mod copies;
 mod key_file;
 mod keys;
 mod listener;
@@ -17,7 +17,7 @@ use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-pub use backup::backup;
+pub use copies::{backup, compact};
 pub use key_file::{KeyEntry, KeyFile, KeyFileError};
 pub use secret::Secret;
 pub use settings::Settings;
@@ -26,7 +26,7 @@ pub use values::{address, bytes};
 use crate::http::{self, Hosts, Keys, KeysError, Pools, Service};
 use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, Urgency, analyses};
 use crate::metrics::Metrics;
-use crate::store::{Store, StoreError};
+use crate::store::{DatabaseLock, Store, StoreError};
 
 /// Why the service did not start.
 #[derive(Debug, thiserror::Error)]
@@ -78,6 +78,8 @@ pub struct App {
     store: Store,
     keys: Option<Keys>,
     settings: Settings,
+    /// Held until the database is closed.
+    _lock: DatabaseLock,
 }
 
 impl App {
@@ -101,6 +103,8 @@ impl App {
         let refused = |cause| StartError::Listen { address: settings.listen, cause };
         let listener = TcpListener::bind(settings.listen).await.map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
+        let lock =
+            DatabaseLock::take(&settings.database).map_err(|cause| unusable_database(&settings, cause))?;
         let store = open_store(&settings).await?;
         if let Some(keys) = &keys {
             keys::adopt(keys, &store).await.map_err(|cause| unusable_database(&settings, cause))?;
@@ -134,7 +138,7 @@ impl App {
             listener::serve(listener, http::router(service), settings.connections(), stopping.clone());
         let listening = tokio::spawn(serving);
         tracing::info!(%address, "listening");
-        Ok(Self { address, stopping, listening, jobs, store, keys, settings })
+        Ok(Self { address, stopping, listening, jobs, store, keys, settings, _lock: lock })
     }
 
     /// The address that is listened on.

@@ -3,6 +3,7 @@
 mod analyze;
 mod backup;
 mod client;
+mod compact;
 mod completions;
 mod demo;
 mod environment;
@@ -80,6 +81,8 @@ enum Command {
     Keys(keys::KeysArgs),
     /// Copy the database into a new file while the service goes on
     Backup(backup::BackupArgs),
+    /// Give the space of deleted data back to the disk while no service runs
+    Compact(compact::CompactArgs),
     /// Ask a running service whether it is alive; exits 0 if so
     Health(health::HealthArgs),
     /// Print a script that completes commands and flags in a shell
@@ -137,6 +140,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
         Command::Serve(args) => block_on(serve::run(args)),
         Command::Keys(args) => keys::run(&args),
         Command::Backup(args) => backup::run(&args),
+        Command::Compact(args) => compact::run(&args),
         Command::Demo(args) => block_on(demo::run(args)),
         Command::View(args) => run_on_runtime(view::run(args)),
         Command::Analyze(args) => analyze::run(&args),

@@ -3,6 +3,7 @@
 mod process;
 
 use std::fmt;
+use std::sync::atomic::AtomicU64;
 
 use prometheus_client::encoding::EncodeLabelSet;
 use prometheus_client::encoding::text::encode;
@@ -51,8 +52,14 @@ pub struct Levels {
     pub job_memory: u64,
     /// Bytes that bodies hold.
     pub body_memory: u64,
+    /// Seconds since the submission of the job that has waited longest, 0 when none waits.
+    pub oldest_queued_seconds: f64,
     /// Bytes that are free on the disk.
     pub disk_free: u64,
+    /// Bytes of the database file.
+    pub database_file: u64,
+    /// Bytes of pages in the database file whose content was deleted.
+    pub database_free: u64,
 }
 
 /// All counters, histograms and gauges of a service.
@@ -68,7 +75,10 @@ pub struct Metrics {
     jobs: Family<State, Gauge>,
     job_memory: Gauge,
     body_memory: Gauge,
+    oldest_queued: Gauge<f64, AtomicU64>,
     disk_free: Gauge,
+    database_file: Gauge,
+    database_free: Gauge,
 }
 
 /// From 1 ms to a minute.
@@ -95,7 +105,10 @@ impl Default for Metrics {
             jobs: Family::default(),
             job_memory: Gauge::default(),
             body_memory: Gauge::default(),
+            oldest_queued: Gauge::default(),
             disk_free: Gauge::default(),
+            database_file: Gauge::default(),
+            database_free: Gauge::default(),
         };
         metrics.register();
         metrics
@@ -130,6 +143,12 @@ impl Metrics {
         registry.register_with_unit("job_memory", help, bytes(), self.job_memory.clone());
         let help = "Memory reserved for requests' bodies";
         registry.register_with_unit("body_memory", help, bytes(), self.body_memory.clone());
+        let help = "Time since the submission of the job that has waited longest";
+        registry.register_with_unit("job_oldest_queued", help, seconds(), self.oldest_queued.clone());
+        let help = "Size of the database file, without its write-ahead log";
+        registry.register_with_unit("database_file", help, bytes(), self.database_file.clone());
+        let help = "Free pages within the database file, which fill before it grows";
+        registry.register_with_unit("database_free", help, bytes(), self.database_free.clone());
         registry.register_with_unit(
             "disk_free",
             "Free on the database's disk",
@@ -179,7 +198,10 @@ impl Metrics {
         }
         self.job_memory.set(signed(levels.job_memory));
         self.body_memory.set(signed(levels.body_memory));
+        self.oldest_queued.set(levels.oldest_queued_seconds);
         self.disk_free.set(signed(levels.disk_free));
+        self.database_file.set(signed(levels.database_file));
+        self.database_free.set(signed(levels.database_free));
         let mut text = String::new();
         encode(&mut text, &self.registry)?;
         Ok(text)
@@ -209,7 +231,14 @@ mod tests {
         metrics.claimed(0.5);
         metrics.ended("succeeded");
         metrics.phase("cells", 2.0);
-        let levels = Levels { jobs: vec![("queued", 3)], disk_free: 1 << 40, ..Levels::default() };
+        let levels = Levels {
+            jobs: vec![("queued", 3)],
+            disk_free: 1 << 40,
+            oldest_queued_seconds: 2.5,
+            database_file: 30,
+            database_free: 20,
+            ..Levels::default()
+        };
         let text = metrics.text(&levels).unwrap();
         for line in [
             "chladni_http_requests_total{method=\"GET\",route=\"/jobs/{id}\",status=\"200\"} 1",
@@ -224,6 +253,9 @@ mod tests {
             "# TYPE process_resident_memory_bytes gauge",
             "# UNIT process_cpu_seconds seconds",
             "process_open_fds ",
+            "chladni_job_oldest_queued_seconds 2.5",
+            "chladni_database_file_bytes 30",
+            "chladni_database_free_bytes 20",
             "# EOF",
         ] {
             assert!(text.contains(line), "{line}\n{text}");

@@ -81,6 +81,9 @@ pub struct Canceled;
 /// Told of every phase as it begins.
 type Observer = Box<dyn Fn(Phase) + Send + Sync>;
 
+/// Asked for bytes of memory; false when they cannot be had.
+type Grant = Box<dyn Fn(u64) -> bool + Send + Sync>;
+
 /// Shared between the computation, which moves it on, and an observer, which reads it and may cancel.
 #[derive(Default)]
 pub struct Progress {
@@ -88,7 +91,10 @@ pub struct Progress {
     /// Bits of an `f64` in `0..=1`: bit patterns of non-negative floats order as the floats do.
     fraction: AtomicU64,
     canceled: AtomicBool,
+    /// Bytes that were asked for and refused; 0 when none were.
+    denied: AtomicU64,
     observer: Option<Observer>,
+    grant: Option<Grant>,
 }
 
 impl Progress {
@@ -102,6 +108,32 @@ impl Progress {
     #[must_use]
     pub fn observed(observer: impl Fn(Phase) + Send + Sync + 'static) -> Self {
         Self { observer: Some(Box::new(observer)), ..Self::default() }
+    }
+
+    /// Asks `grant` whether the computation may take so many bytes of memory in all, wherever it finds out that it needs
+    /// more than could be told before it began. Without a grant it takes what it needs.
+    #[must_use]
+    pub fn granting(self, grant: impl Fn(u64) -> bool + Send + Sync + 'static) -> Self {
+        Self { grant: Some(Box::new(grant)), ..self }
+    }
+
+    /// Called before `bytes` bytes in all are in use; a refusal cancels the computation, and [`Self::denied`] tells it from
+    /// other cancellations.
+    ///
+    /// # Errors
+    /// [`Canceled`] when they are refused, and as [`Self::checkpoint`].
+    pub fn afford(&self, bytes: u64) -> Result<(), Canceled> {
+        if self.grant.as_ref().is_some_and(|grant| !grant(bytes)) {
+            self.denied.store(bytes, Ordering::Relaxed);
+            self.cancel();
+        }
+        self.checkpoint()
+    }
+
+    /// The bytes that the computation was refused, if that is why it ended.
+    #[must_use]
+    pub fn denied(&self) -> Option<u64> {
+        Some(self.denied.load(Ordering::Relaxed)).filter(|&bytes| bytes > 0)
     }
 
     /// Asks the computation to end at its next [`Self::checkpoint`].
@@ -174,6 +206,16 @@ mod tests {
         assert!((progress.fraction() - half).abs() < f64::EPSILON);
         progress.enter(Phase::Certificates).unwrap();
         assert!(progress.fraction() > half);
+    }
+
+    #[test]
+    fn memory_that_is_refused_ends_the_computation_and_is_told() {
+        let progress = Progress::new().granting(|bytes| bytes <= 100);
+        assert_eq!(progress.afford(100), Ok(()));
+        assert_eq!(progress.denied(), None);
+        assert_eq!(progress.afford(101), Err(Canceled));
+        assert_eq!((progress.denied(), progress.checkpoint()), (Some(101), Err(Canceled)));
+        assert_eq!(Progress::new().afford(u64::MAX), Ok(()), "without a grant nothing is refused");
     }
 
     #[test]

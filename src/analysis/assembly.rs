@@ -1,5 +1,6 @@
 //! The stage that turns a measured cloud into an operator.
 
+use super::memory::memory_with_entries;
 use super::{AnalysisError, Parameters};
 use crate::geometry::orientation::Orientation;
 use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
@@ -62,7 +63,7 @@ pub(super) fn assemble(
             // simplices count within half of what is triangulated
             (kernel, if parameters.operator.is_pcd() { 0.5 * kernel.delta } else { kernel.delta })
         };
-        check_coupling(points, tree, kernel.delta, reach).map(|()| kernel)
+        check_coupling(points, tree, kernel.delta, reach, parameters, progress).map(|()| kernel)
     };
     let volumes = || cells.volume.clone();
     let (laplacian, narrow) = match parameters.operator {
@@ -94,7 +95,7 @@ pub(super) fn assemble(
         }
         kind @ (OperatorKind::Graph | OperatorKind::Kirchhoff | OperatorKind::Tutte) => {
             let delta = parameters.edge_length(sampling.epsilon);
-            check_coupling(points, tree, delta, delta)?;
+            check_coupling(points, tree, delta, delta, parameters, progress)?;
             let graph = graph::build(kind, points, tree, &walls, delta, progress)?;
             (graph.laplacian, Some(graph.narrow))
         }
@@ -165,8 +166,15 @@ fn scaled(mut matrix: Sparse, scale: impl Fn(usize) -> f64) -> Sparse {
     matrix
 }
 
-/// Refuses a δ that would couple everything with everything, within `reach` of it.
-fn check_coupling(points: &Points, tree: &SearchTree, delta: f64, reach: f64) -> Result<(), AnalysisError> {
+/// Refuses a δ that would couple everything with everything, within `reach` of it, and one whose matrix has no room.
+fn check_coupling(
+    points: &Points,
+    tree: &SearchTree,
+    delta: f64,
+    reach: f64,
+    parameters: &Parameters,
+    progress: &Progress,
+) -> Result<(), AnalysisError> {
     let stride = points.len().div_ceil(COUNTED);
     let mut neighbors = Vec::new();
     let (mut counted, mut found) = (0, 0);
@@ -186,5 +194,8 @@ fn check_coupling(points: &Points, tree: &SearchTree, delta: f64, reach: f64) ->
             ),
         });
     }
+    // half of a neighbor more, for what was rounded off
+    let entries = points.len() as u64 * (mean as u64 + 1);
+    progress.afford(memory_with_entries(points.len() as u64, points.dimension(), entries, parameters))?;
     Ok(())
 }

@@ -20,13 +20,19 @@ const FACTORED_POINTS: [u64; 2] = [900_000, 450_000];
 /// Bytes per point and binary logarithm of the number of points: the Cholesky factor of a surface under nested
 /// dissection has O(n log n) entries.
 const FACTOR_BYTES: u64 = 24;
+/// Least tolerance for which surfaces are factored in single precision; below, a factor in double is made beside it.
+const SINGLE_TOLERANCE: f64 = 1e-6;
+/// Bytes of a coupled pair of points while a matrix is assembled of them: the pair with its distance, and the matrix with
+/// its transpose.
+const ENTRY_BYTES: u64 = 28;
 /// Three square matrices of doubles.
 const DENSE_BYTES: u64 = 3 * 8;
 
 /// Peak bytes of an analysis of `points` rows with `dimension` coordinates and `faces` triangles.
 ///
-/// Within 30 % of the peaks that were measured of whole processes (the test below has them). It knows nothing of the
-/// cloud's shape: a cut-off `delta` far larger than the default, and volumes (`dimension=3`), take more than it tells.
+/// At most 30 % above the peaks that were measured of whole processes for surfaces (the test below has them). It knows
+/// nothing of the cloud's shape: where a matrix or its factor turns out to be larger, the analysis asks for the difference
+/// before it takes it ([`Progress::afford`](crate::progress::Progress::afford)).
 #[must_use]
 pub fn memory_estimate(
     points: u64,
@@ -49,18 +55,13 @@ pub fn memory_estimate(
         (JobKind::Operator, OperatorKind::PbMhb) => 24 * (40_000_000 / points.max(1)).min(800),
         _ => 0,
     };
-    let single = kernel > 0 && !unfactored && !sliced && !parameters.operator.is_pcd();
-    // a Krylov space in single precision, or the vectors that come of it and their products
-    let vectors = if single {
-        krylov_vectors_at_end(bases, true).div_ceil(2).max(2 * bases)
-    } else if kernel > 0 && (unfactored || !sliced) {
-        krylov_vectors_at_end(bases, false)
-    } else {
-        vectors_held(bases)
-    };
+    let factors = if parameters.tolerance < SINGLE_TOLERANCE { 2 } else { 1 };
     let solver = match kind {
         JobKind::Operator => 0,
-        JobKind::Eigen => FACTOR_BYTES * u64::from(points.max(1).ilog2() + 1) + 8 * vectors as u64,
+        JobKind::Eigen => {
+            let vectors = vectors(points, parameters);
+            factors * FACTOR_BYTES * u64::from(points.max(1).ilog2() + 1) + 8 * vectors as u64
+        }
     };
     let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + kernel + applied + solver;
     let matrices = if kind == JobKind::Eigen && is_dense(points as usize, parameters.bases) {
@@ -69,6 +70,32 @@ pub fn memory_estimate(
         0
     };
     points.saturating_mul(per_point).saturating_add(faces.saturating_mul(24)).saturating_add(matrices)
+}
+
+/// Vectors as long as the cloud that the solver holds: a Krylov space, in single precision where that is enough, or the
+/// vectors that come of it and their products.
+fn vectors(points: u64, parameters: &Parameters) -> usize {
+    let bases = parameters.bases;
+    let sliced = bases > SLICE;
+    let unfactored = points > FACTORED_POINTS[usize::from(sliced)];
+    let kernel = !matches!(parameters.operator, OperatorKind::Voronoi | OperatorKind::Cotangent);
+    let is_single = parameters.tolerance >= SINGLE_TOLERANCE && !parameters.operator.is_pcd();
+    match (kernel, unfactored, sliced) {
+        (true, false, false) if is_single => krylov_vectors_at_end(bases, true).div_ceil(2).max(2 * bases),
+        (true, true, _) | (true, _, false) => krylov_vectors_at_end(bases, false),
+        _ => vectors_held(bases),
+    }
+}
+
+/// Peak bytes of an analysis once the entries of its matrix have been counted, without the factor.
+pub(super) fn memory_with_entries(
+    points: u64,
+    dimension: usize,
+    entries: u64,
+    parameters: &Parameters,
+) -> u64 {
+    let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + 8 * vectors(points, parameters) as u64;
+    points.saturating_mul(per_point).saturating_add(entries.saturating_mul(ENTRY_BYTES))
 }
 
 #[cfg(test)]

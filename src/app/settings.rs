@@ -91,6 +91,23 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_QUEUE_MAX", value_name = "N", default_value_t = Self::default().queue_max)]
     pub queue_max: u64,
 
+    /// Jobs of one key that wait, at most; 0 for as many as may wait in all. A key of which nothing waits can always queue
+    /// one job.
+    #[arg(long, env = "CHLADNI_QUEUE_MAX_PER_KEY", value_name = "N", default_value_t = Self::default().queue_max_per_key)]
+    pub queue_max_per_key: u64,
+
+    /// Bytes that the clouds and results of one key may take, at most; 0 for no limit.
+    #[arg(long, env = "CHLADNI_STORED_BYTES_MAX_PER_KEY", value_name = "BYTES", default_value_t = Self::default().stored_bytes_max_per_key)]
+    pub stored_bytes_max_per_key: u64,
+
+    /// Bytes beyond which the database file does not grow, at least 1 MiB; 0 for as many as the disk has.
+    #[arg(long, env = "CHLADNI_DATABASE_BYTES_MAX", value_name = "BYTES", default_value_t = Self::default().database_bytes_max)]
+    pub database_bytes_max: u64,
+
+    /// Seconds that one attempt at a job may take.
+    #[arg(long, env = "CHLADNI_JOB_SECONDS", value_name = "SECONDS", default_value_t = Self::default().job_seconds)]
+    pub job_seconds: u64,
+
     /// Open connections, at most; when there are more, those whose clients send and take nothing are closed, and only
     /// probes are answered beyond.
     #[arg(long, env = "CHLADNI_CONNECTIONS_MAX", value_name = "N", default_value_t = Self::default().connections_max)]
@@ -169,6 +186,10 @@ impl Default for Settings {
             fields_max: reader.fields_max,
             bases_max: 1000,
             queue_max: 1000,
+            queue_max_per_key: 0,
+            stored_bytes_max_per_key: 0,
+            database_bytes_max: 0,
+            job_seconds: 6 * 60 * 60,
             connections_max: 1024,
             header_seconds: 15,
             body_seconds: 3600,
@@ -186,6 +207,15 @@ impl Default for Settings {
     }
 }
 
+/// A limit; 0 is none.
+fn some_unless_zero(limit: u64) -> Option<u64> {
+    (limit > 0).then_some(limit)
+}
+
+fn unless_zero(limit: u64) -> u64 {
+    some_unless_zero(limit).unwrap_or(u64::MAX)
+}
+
 impl Settings {
     pub(super) fn threads(&self) -> usize {
         if self.threads > 0 {
@@ -200,12 +230,22 @@ impl Settings {
         let days = |days: u64| Duration::from_secs(days.saturating_mul(24 * 60 * 60));
         let retention =
             Retention { jobs: self.keep_jobs_days.map(days), clouds: self.keep_clouds_days.map(days) };
-        JobsSettings { concurrent, memory: self.memory_budget(), retention, ..JobsSettings::default() }
+        let time_max = Duration::from_secs(self.job_seconds);
+        JobsSettings {
+            concurrent,
+            memory: self.memory_budget(),
+            time_max,
+            retention,
+            ..JobsSettings::default()
+        }
     }
 
     pub(super) fn store(&self) -> StoreSettings {
         StoreSettings {
             queue_max: self.queue_max,
+            queue_max_per_owner: unless_zero(self.queue_max_per_key),
+            stored_bytes_max_per_owner: unless_zero(self.stored_bytes_max_per_key),
+            file_bytes_max: unless_zero(self.database_bytes_max),
             memory_budget: self.memory_budget(),
             disk_floor: self.disk_floor,
             ..StoreSettings::default()
@@ -256,6 +296,10 @@ impl Settings {
             keep_clouds_days: self.keep_clouds_days,
             bases_max: self.bases_max,
             queue_max: self.queue_max,
+            queue_max_per_key: some_unless_zero(self.queue_max_per_key),
+            stored_bytes_max_per_key: some_unless_zero(self.stored_bytes_max_per_key),
+            database_bytes_max: some_unless_zero(self.database_bytes_max),
+            job_time: Duration::from_secs(self.job_seconds),
             reader: reader::Limits {
                 points_max: self.points_max,
                 fields_max: self.fields_max,

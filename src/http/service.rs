@@ -49,6 +49,14 @@ pub struct Limits {
     pub bases_max: usize,
     /// Jobs that wait.
     pub queue_max: u64,
+    /// Jobs of one key that wait.
+    pub queue_max_per_key: Option<u64>,
+    /// Bytes that the clouds and results of one key take.
+    pub stored_bytes_max_per_key: Option<u64>,
+    /// Bytes of the database file.
+    pub database_bytes_max: Option<u64>,
+    /// Time of one attempt at a job.
+    pub job_time: Duration,
     /// What is read from a file.
     pub reader: reader::Limits,
 }

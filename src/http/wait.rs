@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use axum::http::{HeaderMap, header};
-use tokio::time::Instant;
 use uuid::Uuid;
 
 use super::notation::parse_id;
@@ -26,20 +25,20 @@ pub(crate) const WAIT: &[Argument] = &[Argument {
 
 /// The job once it has ended, or as it is after `wait`, or when the service stops.
 pub(crate) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Result<JobRecord, Problem> {
-    let deadline = Instant::now() + wait;
-    let mut changes = service.store.changes();
-    loop {
-        changes.mark_unchanged();
-        let job = service.store.job(id).await?;
-        if job.state.is_terminal() || Instant::now() >= deadline {
-            return Ok(job);
-        }
-        tokio::select! {
-            _ = changes.changed() => {}
-            () = tokio::time::sleep_until(deadline) => {}
-            () = service.stopping.cancelled() => return Ok(job),
-        }
+    if wait.is_zero() {
+        return Ok(service.store.job(id).await?);
     }
+    let mut job = service.store.follow(id).await?;
+    let is_deleted = tokio::select! {
+        ended = job.wait_for(|job| job.state.is_terminal()) => ended.is_err(),
+        () = tokio::time::sleep(wait) => false,
+        () = service.stopping.cancelled() => false,
+    };
+    if is_deleted {
+        return Ok(service.store.job(id).await?);
+    }
+    let job = job.borrow();
+    Ok(JobRecord::clone(&job))
 }
 
 /// How long to wait for a job's end, by the argument of [`WAIT`].

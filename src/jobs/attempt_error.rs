@@ -1,5 +1,7 @@
 //! Why an attempt ended without a result, and what follows from it.
 
+use std::time::Duration;
+
 use super::compute::ComputeError;
 use crate::analysis::AnalysisError;
 use crate::progress::Canceled;
@@ -18,6 +20,10 @@ pub(super) enum AttemptError {
     Pulse(#[from] std::io::Error),
     #[error("ordered to end: {0:?}")]
     Ordered(Heartbeat),
+    #[error("it took longer than {} seconds", .0.as_secs())]
+    OutOfTime(Duration),
+    #[error("it turned out to need {need} bytes of memory")]
+    Memory { need: u64 },
     #[error("the service stops")]
     Halted,
 }
@@ -47,10 +53,22 @@ pub(super) fn failure(error: &AttemptError) -> (JobFailure, Retry) {
         AttemptError::Compute(_) => {
             (told("crashed", "the computation crashed in every attempt at it".to_owned()), Retry::AtOnce)
         }
+        AttemptError::OutOfTime(limit) => {
+            let seconds = limit.as_secs();
+            let detail = format!(
+                "the computation took longer than the {seconds} seconds that a job may take (`--job-seconds`); ask for \
+                 fewer bases or thin the cloud out"
+            );
+            (told("time", detail), Retry::Never)
+        }
         AttemptError::Store(StoreError::Damaged(_)) => {
             (told("internal", "the stored cloud or the result is damaged".to_owned()), Retry::Never)
         }
-        AttemptError::Store(_) | AttemptError::Pulse(_) | AttemptError::Ordered(_) | AttemptError::Halted => {
+        AttemptError::Store(_)
+        | AttemptError::Pulse(_)
+        | AttemptError::Ordered(_)
+        | AttemptError::Memory { .. }
+        | AttemptError::Halted => {
             (told("internal", "the result could not be stored".to_owned()), Retry::Later)
         }
     }

@@ -1,4 +1,4 @@
-//! What works the queue off: workers that claim jobs, compute them apart from tokio, and store what comes out.
+//! Workers: they claim jobs, compute them apart from tokio, and store the results.
 //!
 //! One worker runs one job at a time, from its claim to its end. While it does, a plain thread beats for it: neither a
 //! computation that fills every core nor a busy tokio can make a living job look dead. The computation itself runs on
@@ -7,10 +7,11 @@
 mod analyses;
 mod attempt_error;
 mod compute;
+mod memory_gate;
 mod own_coefficients;
 mod pulse;
 mod retention;
-mod room;
+mod shrinking;
 mod stored_bases;
 mod storing;
 mod task;
@@ -30,7 +31,7 @@ pub use compute::{Compute, ComputeError, Urgency, Wanted, WantedWriter};
 pub use retention::Retention;
 pub use stored_bases::{BasesError, StoredBases};
 
-use room::Room;
+use memory_gate::MemoryGate;
 
 use crate::metrics::Metrics;
 use crate::store::{Store, StoreError};
@@ -51,6 +52,10 @@ pub struct JobsSettings {
     /// How long a job whose result could not be stored waits for its second attempt, and twice as long for its third: the
     /// disk may have room again by then.
     pub backoff: Duration,
+    /// How long one attempt at a job may take.
+    pub time_max: Duration,
+    /// How often the database file is looked at for free pages to give back to the disk.
+    pub shrinking: Duration,
     /// How long jobs and clouds are kept.
     pub retention: Retention,
     /// Where it is counted.
@@ -66,6 +71,8 @@ impl Default for JobsSettings {
             pulse: Duration::from_millis(200),
             poll: Duration::from_secs(1),
             backoff: Duration::from_mins(1),
+            time_max: Duration::from_hours(6),
+            shrinking: Duration::from_secs(10),
             retention: Retention::default(),
             metrics: Arc::default(),
         }
@@ -81,7 +88,7 @@ pub struct Jobs {
     /// End what runs.
     halt: CancellationToken,
     workers: TaskTracker,
-    room: Arc<Room>,
+    gate: Arc<MemoryGate>,
     settings: JobsSettings,
 }
 
@@ -107,7 +114,7 @@ impl Jobs {
         }
         let wake = Arc::new(Notify::new());
         let jobs = Self {
-            room: Arc::new(Room::new(settings.memory, Arc::clone(&wake))),
+            gate: Arc::new(MemoryGate::new(settings.memory, Arc::clone(&wake))),
             wake,
             stop: CancellationToken::new(),
             halt: CancellationToken::new(),
@@ -115,6 +122,7 @@ impl Jobs {
             settings: settings.clone(),
         };
         tokio::spawn(settings.retention.keep(store.clone(), jobs.stop.clone()));
+        tokio::spawn(shrinking::keep_small(store.clone(), settings.shrinking, jobs.stop.clone()));
         for _ in 0..settings.concurrent.get() {
             let worker = worker::Worker {
                 store: store.clone(),
@@ -125,7 +133,7 @@ impl Jobs {
                 wake: Arc::clone(&jobs.wake),
                 stop: jobs.stop.clone(),
                 halt: jobs.halt.clone(),
-                room: Arc::clone(&jobs.room),
+                gate: Arc::clone(&jobs.gate),
             };
             jobs.workers.spawn(worker.work());
         }
@@ -141,7 +149,7 @@ impl Jobs {
     /// Bytes of memory that running jobs are estimated to take together.
     #[must_use]
     pub fn memory_taken(&self) -> u64 {
-        self.settings.memory.saturating_sub(self.room.free())
+        self.settings.memory.saturating_sub(self.gate.free())
     }
 
     /// Tells an idle worker that a job was queued.

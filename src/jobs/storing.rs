@@ -8,6 +8,7 @@ use super::compute::Compute;
 use super::own_coefficients::own_coefficients;
 
 use crate::analysis::JobKind;
+use crate::cloud::PointCloud;
 use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store, StoreError};
 
 /// Bases of one transaction, in bytes. Commits wait for the disk, and every other writer waits for the transaction.
@@ -19,6 +20,7 @@ pub(super) async fn store_arrays(
     store: &Store,
     compute: &Compute,
     claim: &Claim,
+    cloud: &Arc<PointCloud>,
     results: &Arc<dyn Results>,
 ) -> Result<(), AttemptError> {
     store.begin_result(claim).await?;
@@ -38,31 +40,15 @@ pub(super) async fn store_arrays(
     for first in (0..results.bases()).step_by(batch) {
         let computed = Arc::clone(results);
         let end = results.bases().min(first + batch);
-        let bases = compute.run(move || (first..end).map(|j| eigenpair(&*computed, j)).collect()).await?;
-        let bases: Option<Vec<BasisValues>> = bases;
-        let bases = bases.ok_or_else(|| {
-            StoreError::Damaged("the report's lists are shorter than the number of bases".to_owned())
-        })?;
+        let basis = move |index| BasisValues { index, values: computed.basis(index) };
+        let bases = compute.run(move || (first..end).map(basis).collect()).await?;
         store.put_bases(claim, bases).await?;
     }
     if results.bases() > 0 {
-        let cloud = store.load_cloud(claim.job.cloud_id).await?;
-        let computed = Arc::clone(results);
+        let (cloud, computed) = (Arc::clone(cloud), Arc::clone(results));
         let chunk_points = claim.job.chunk_points;
         let own = compute.run(move || own_coefficients(&cloud, &*computed, chunk_points)).await?;
         store.put_coefficients(claim, own).await?;
     }
     Ok(())
-}
-
-/// Eigenpair `j`; `None` when the report does not know it.
-fn eigenpair(results: &dyn Results, j: usize) -> Option<BasisValues> {
-    let spectrum = results.report().spectrum.as_ref()?;
-    Some(BasisValues {
-        index: j,
-        eigenvalue: *spectrum.eigenvalues.get(j)?,
-        raw_eigenvalue: *spectrum.raw_eigenvalues.get(j)?,
-        residual: *spectrum.residuals.get(j)?,
-        values: results.basis(j),
-    })
 }

@@ -1,8 +1,9 @@
 //! One attempt at a job, seen from outside: how far it is, and where its time went.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
+use super::memory_gate::Reservation;
 use crate::progress::{Phase, Progress};
 use crate::store::Vitals;
 
@@ -15,16 +16,22 @@ const CREEP: f64 = 0.02;
 pub(super) struct Task {
     pub(super) progress: Arc<Progress>,
     timeline: Arc<Mutex<Timeline>>,
+    /// The worker's own, so that no thread that still has this keeps the memory taken.
+    reservation: Weak<Reservation>,
 }
 
 impl Task {
-    pub(super) fn begin() -> Self {
+    /// A computation that may take as much memory as is reserved for it or can be added to that.
+    pub(super) fn begin(reservation: &Arc<Reservation>) -> Self {
         let timeline = Arc::new(Mutex::new(Timeline::new(Instant::now())));
         let observed = Arc::clone(&timeline);
+        let reservation = Arc::downgrade(reservation);
+        let granting = Weak::clone(&reservation);
         let progress = Progress::observed(move |phase| {
             observed.lock().unwrap_or_else(PoisonError::into_inner).enter(phase, Instant::now());
-        });
-        Self { progress: Arc::new(progress), timeline }
+        })
+        .granting(move |bytes| granting.upgrade().is_some_and(|reservation| reservation.grow_to(bytes)));
+        Self { progress: Arc::new(progress), timeline, reservation }
     }
 
     /// How far it is: more at every call, and never beyond the phase that it is in.
@@ -33,7 +40,9 @@ impl Task {
         let phase = self.progress.phase();
         let crept = timeline.told + CREEP * (phase.ends_at() - timeline.told).max(0.0);
         timeline.told = if timeline.told > 0.0 { crept } else { 0.0 }.max(self.progress.fraction());
-        Vitals { phase, progress: timeline.told, phase_seconds: timeline.seconds(Instant::now()) }
+        let phase_seconds = timeline.seconds(Instant::now());
+        let memory = self.reservation.upgrade().map_or(0, |reservation| reservation.bytes());
+        Vitals { phase, progress: timeline.told, phase_seconds, memory }
     }
 }
 
@@ -106,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_silent_computation_is_told_to_move_within_its_phase() {
-        let task = Task::begin();
+        let task = Task::begin(&Arc::default());
         task.progress.enter(Phase::Factorization).unwrap();
         let mut before = task.vitals().progress;
         for _ in 0..100 {
@@ -123,7 +132,7 @@ mod tests {
 
     #[test]
     fn a_task_tells_the_phase_it_is_in() {
-        let task = Task::begin();
+        let task = Task::begin(&Arc::default());
         task.progress.enter(Phase::Assembly).unwrap();
         let vitals = task.vitals();
         assert_eq!(vitals.phase, Phase::Assembly);

@@ -11,8 +11,8 @@ use super::JobsSettings;
 use super::analyses::{Analyze, Results};
 use super::attempt_error::{AttemptError, Retry, failure};
 use super::compute::Compute;
+use super::memory_gate::{MemoryGate, Reservation};
 use super::pulse::Pulse;
-use super::room::{Room, Share};
 use super::storing::store_arrays;
 use super::task::Task;
 use crate::store::{Claim, Heartbeat, JobState, Milliseconds, Store, StoreError};
@@ -26,7 +26,7 @@ pub(super) struct Worker {
     pub(super) wake: Arc<Notify>,
     pub(super) stop: CancellationToken,
     pub(super) halt: CancellationToken,
-    pub(super) room: Arc<Room>,
+    pub(super) gate: Arc<MemoryGate>,
 }
 
 impl Worker {
@@ -35,10 +35,10 @@ impl Worker {
         let mut told = false;
         while !self.stop.is_cancelled() {
             match self.claim().await {
-                Ok(Some((claim, share))) => {
+                Ok(Some((claim, reservation))) => {
                     told = false;
-                    self.see_through(&claim).await;
-                    drop(share);
+                    self.run_to_end(&claim, &reservation).await;
+                    drop(reservation);
                 }
                 Ok(None) => self.rest().await,
                 Err(error) => {
@@ -53,9 +53,9 @@ impl Worker {
     }
 
     /// The next job, unless there is no room for its result on the disk, or for itself in memory.
-    async fn claim(&self) -> Result<Option<(Claim, Share)>, StoreError> {
-        self.store.refuse_when_disk_full()?;
-        self.room.claim(&self.store, self.process).await
+    async fn claim(&self) -> Result<Option<(Claim, Arc<Reservation>)>, StoreError> {
+        self.store.refuse_when_disk_full().await?;
+        self.gate.claim(&self.store, self.process).await
     }
 
     async fn rest(&self) {
@@ -67,8 +67,8 @@ impl Worker {
     }
 
     /// From the claim to the job's end, whatever end that is.
-    async fn see_through(&self, claim: &Claim) {
-        let task = Task::begin();
+    async fn run_to_end(&self, claim: &Claim, reservation: &Arc<Reservation>) {
+        let task = Task::begin(reservation);
         let job = claim.job.id;
         let parameters = &claim.job.parameters;
         let (operator, bases) = (parameters.operator.name(), parameters.bases);
@@ -86,6 +86,7 @@ impl Worker {
             biased;
             order = pulse.order() => AttemptError::Ordered(order),
             () = self.halt.cancelled() => AttemptError::Halted,
+            () = tokio::time::sleep(self.settings.time_max) => AttemptError::OutOfTime(self.settings.time_max),
             ended = &mut attempt => match ended {
                 Ok(state) => return self.record(job, state, &task),
                 Err(error) => return self.settle(claim, error).await,
@@ -113,13 +114,18 @@ impl Worker {
     }
 
     async fn attempt(&self, claim: &Claim, task: &Task) -> Result<JobState, AttemptError> {
-        let cloud = self.store.load_cloud(claim.job.cloud_id).await?;
+        let cloud = Arc::new(self.store.load_cloud(claim.job.cloud_id).await?);
         let (kind, parameters) = (claim.job.kind, claim.job.parameters.clone());
         let (analyze, progress) = (Arc::clone(&self.analyze), Arc::clone(&task.progress));
-        let results = self.compute.run(move || analyze(&cloud, kind, &parameters, &progress)).await??;
+        let analyzed = Arc::clone(&cloud);
+        let computed = self.compute.run(move || analyze(&analyzed, kind, &parameters, &progress)).await?;
+        let results = computed.map_err(|error| match task.progress.denied() {
+            Some(need) => AttemptError::Memory { need },
+            None => error.into(),
+        })?;
         let vitals = task.vitals();
         let results: Arc<dyn Results> = Arc::from(results);
-        store_arrays(&self.store, &self.compute, claim, &results).await?;
+        store_arrays(&self.store, &self.compute, claim, &cloud, &results).await?;
         Ok(self.store.finish(claim, results.report(), &vitals).await?)
     }
 
@@ -148,6 +154,7 @@ impl Worker {
                 self.store.cancel_claimed(claim).await.map(|()| JobState::Canceled)
             }
             AttemptError::Halted => self.store.release(claim).await,
+            &AttemptError::Memory { need } => self.store.release_for_memory(claim, need).await,
             _ => {
                 let (failure, retry) = failure(&cause);
                 self.store.fail(claim, failure, self.delay(retry, claim.job.attempt)).await

@@ -46,6 +46,16 @@ pub(super) fn checksum(index: usize, chunk: usize, bytes: &[u8]) -> Checksum {
     hash.finalize().into()
 }
 
+/// Checksum of texts, each with its length before it.
+pub(super) fn text_checksum(texts: &[&str]) -> Checksum {
+    let mut hash = Sha256::new();
+    for text in texts {
+        hash.update((text.len() as u64).to_le_bytes());
+        hash.update(text);
+    }
+    hash.finalize().into()
+}
+
 /// Digest of a whole array: over its chunks' checksums, so that reading it whole hashes the numbers once, not twice.
 #[derive(Default)]
 pub(super) struct ArrayDigest(Sha256);
@@ -72,10 +82,30 @@ const BASES_CHUNK_BYTES: usize = 4 << 20;
 /// Rows of a chunk, at least: below, the database's rows would be more keys and checksums than numbers.
 const BASIS_CHUNK_POINTS_MIN: usize = 64;
 
-/// Rows per chunk of a job of so many bases. A power of two: chunks of one job begin where those of another do.
+/// Bytes of a page of the database, of its head, and of its reference to the page that goes on with a long row
+/// (<https://www.sqlite.org/fileformat2.html>, sections 1.6 and 2.1).
+const PAGE_BYTES: usize = 16_384;
+const PAGE_HEAD: usize = 8;
+const PAGE_LINK: usize = 4;
+/// Bytes of a chunk's row beside its numbers, at most: checksum, keys, their lengths, and the row's place in the page.
+const CHUNK_ROW_BYTES: usize = 90;
+
+/// Rows per chunk of a job of so many bases: those that a power of two of them has, less the few that leave room for the
+/// row's other columns. So a chunk fills whole pages, or several fill one; of the power of two itself, every page or every
+/// chunk's last page would be half empty.
 pub(super) fn basis_chunk_points(bases: usize) -> usize {
     let fitting = BASES_CHUNK_BYTES / (size_of::<f64>() * bases.max(1));
-    fitting.checked_ilog2().map_or(0, |power| 1 << power).clamp(BASIS_CHUNK_POINTS_MIN, CHUNK_POINTS)
+    let power =
+        fitting.checked_ilog2().map_or(0, |power| 1 << power).clamp(BASIS_CHUNK_POINTS_MIN, CHUNK_POINTS);
+    if power == CHUNK_POINTS {
+        return power;
+    }
+    let bytes = size_of::<f64>() * power;
+    let content = match bytes / PAGE_BYTES {
+        0 => (PAGE_BYTES - PAGE_HEAD) / (PAGE_BYTES / bytes),
+        pages => bytes - PAGE_HEAD - PAGE_LINK * (pages - 1),
+    };
+    ((content - CHUNK_ROW_BYTES) / size_of::<f64>()).max(BASIS_CHUNK_POINTS_MIN)
 }
 
 /// Cuts `values` into chunks of `length` numbers.
@@ -214,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_chunk_of_all_bases_is_bounded_in_bytes_and_few_bases_have_long_ones() {
-        for (bases, points) in [(0, 8192), (1, 8192), (64, 8192), (65, 4096), (100, 4096), (1000, 512)] {
+        for (bases, points) in [(0, 8192), (64, 8192), (65, 4082), (256, 2035), (257, 1012), (1000, 500)] {
             assert_eq!(basis_chunk_points(bases), points, "{bases}");
         }
         for bases in 1..=8192 {

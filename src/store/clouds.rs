@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 use super::arrays::Checksum;
 use super::content::{self, Part};
-use super::rows::{cloud_record, cloud_with_id, from_word, integer, to_json, word};
+use super::rows::{cloud_checksum, cloud_record, cloud_with_id, from_word, hex, integer, to_json, word};
 use super::{
     CloudRecord, FieldRecord, Milliseconds, Owner, Page, Store, StoreError, Submitted, detached, off_thread,
 };
@@ -43,7 +43,7 @@ impl Store {
     ) -> Result<Submitted, StoreError> {
         let (store, owner) = (self.clone(), owner.clone());
         detached(async move {
-            store.disk.refuse_when_full()?;
+            store.refuse_when_disk_full().await?;
             let examined = Arc::clone(&cloud);
             let (digest, duplicates) =
                 off_thread(move || Ok((content::digest(&examined)?, content::duplicates(&examined)))).await?;
@@ -54,12 +54,12 @@ impl Store {
                 record
             } else {
                 if job.is_some() {
-                    store.refuse_when_full(&mut transaction).await?;
+                    store.refuse_when_queue_full(&mut transaction, &owner).await?;
                 }
-                let id = Uuid::now_v7();
-                insert_cloud(&mut transaction, (id, &owner, store.now()), &cloud, &digest, duplicates)
-                    .await?;
-                cloud_with_id(&mut transaction, id).await?
+                let record = describe(&cloud, owner, store.now(), &digest, duplicates);
+                store.refuse_when_owner_full(&mut transaction, &record.owner, record.bytes()).await?;
+                insert_cloud(&mut transaction, &record, &cloud, &digest).await?;
+                record
             };
             let queued = match job {
                 Some((kind, parameters)) => {
@@ -87,7 +87,7 @@ impl Store {
     ) -> Result<Submitted, StoreError> {
         let store = self.clone();
         detached(async move {
-            store.disk.refuse_when_full()?;
+            store.refuse_when_disk_full().await?;
             let mut transaction = store.write().await?;
             let cloud = cloud_with_id(&mut transaction, cloud).await?;
             let (job, job_created) = store.enqueue(&mut transaction, &cloud, kind, &parameters).await?;
@@ -195,8 +195,20 @@ impl Store {
         }
         query.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(limit.max(1)) + 1);
         let rows = query.build().fetch_all(&self.readers).await?;
-        let records: Result<Vec<_>, _> = rows.iter().map(cloud_record).collect();
-        Ok(Page::cut(records?, limit, |cloud| cloud.id))
+        let page =
+            rows.iter().map(|row| Ok((row.try_get("id")?, row))).collect::<Result<Vec<_>, StoreError>>()?;
+        let Page { items, next } = Page::cut(page, limit, |(id, _)| *id);
+        let mut records = Vec::with_capacity(items.len());
+        for (_, row) in items {
+            match cloud_record(row) {
+                // One bad row must not hide the others.
+                Err(StoreError::Damaged(cause)) => {
+                    tracing::error!(%cause, "a cloud is left out of a listing");
+                }
+                record => records.push(record?),
+            }
+        }
+        Ok(Page { items: records, next })
     }
 
     /// Deletes a cloud with its terminal jobs and their results.
@@ -229,44 +241,73 @@ impl Store {
     }
 }
 
-async fn insert_cloud(
-    connection: &mut SqliteConnection,
-    (id, owner, now): (Uuid, &Owner, Milliseconds),
+/// The record of a new cloud.
+fn describe(
     cloud: &PointCloud,
+    owner: Owner,
+    created: Milliseconds,
     digest: &Checksum,
     duplicates: u64,
+) -> CloudRecord {
+    let field = |field: &ScalarField| FieldRecord { name: field.name.clone(), kind: field.kind };
+    CloudRecord {
+        id: Uuid::now_v7(),
+        owner,
+        name: None,
+        created,
+        digest: hex(digest),
+        points: cloud.len() as u64,
+        dimension: cloud.dimension(),
+        nonfinite: cloud.nonfinite() as u64,
+        duplicates,
+        bounding_box: cloud.bounding_box().unwrap_or_default(),
+        coordinate_type: cloud.coordinate_type(),
+        grids: cloud.grids(),
+        origin: cloud.origin().clone(),
+        fields: cloud.fields().iter().map(field).collect(),
+        faces: cloud.faces().len() as u64,
+    }
+}
+
+async fn insert_cloud(
+    connection: &mut SqliteConnection,
+    record: &CloudRecord,
+    cloud: &PointCloud,
+    digest: &Checksum,
 ) -> Result<(), StoreError> {
-    let fields: Vec<FieldRecord> =
-        cloud.fields().iter().map(|f| FieldRecord { name: f.name.clone(), kind: f.kind }).collect();
     sqlx::query(
         "INSERT INTO clouds (id, owner, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
-         coordinate_type, fields, faces, grids, origin) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
+         coordinate_type, fields, faces, grids, bytes, checksum, origin) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16)",
     )
-    .bind(id)
-    .bind(owner.name())
-    .bind(now)
+    .bind(record.id)
+    .bind(record.owner.name())
+    .bind(record.created)
     .bind(digest.as_slice())
-    .bind(integer(cloud.len()))
-    .bind(integer(cloud.dimension()))
-    .bind(integer(cloud.nonfinite()))
-    .bind(integer(duplicates))
-    .bind(to_json(&cloud.bounding_box().unwrap_or_default())?)
-    .bind(word(&cloud.coordinate_type())?)
-    .bind(to_json(&fields)?)
-    .bind(integer(cloud.faces().len()))
-    .bind(cloud.grids().map(|grids| to_json(&grids)).transpose()?)
-    .bind((!cloud.origin().is_empty()).then(|| to_json(cloud.origin())).transpose()?)
+    .bind(integer(record.points))
+    .bind(integer(record.dimension))
+    .bind(integer(record.nonfinite))
+    .bind(integer(record.duplicates))
+    .bind(to_json(&record.bounding_box)?)
+    .bind(word(&record.coordinate_type)?)
+    .bind(to_json(&record.fields)?)
+    .bind(integer(record.faces))
+    .bind(record.grids.map(|grids| to_json(&grids)).transpose()?)
+    .bind(0)
+    .bind(cloud_checksum(record)?.as_slice())
+    .bind((!record.origin.is_empty()).then(|| to_json(&record.origin)).transpose()?)
     .execute(&mut *connection)
     .await?;
-    for part in Part::all(fields.len()) {
+    let mut bytes = 0;
+    for part in Part::all(record.fields.len()) {
         // Cut one by one: a second copy of the whole cloud never exists.
         let mut chunk = 0;
         while let Some((encoding, data)) = part.chunk(cloud, chunk) {
+            bytes += data.len();
             sqlx::query(
                 "INSERT INTO cloud_chunks (cloud_id, part, chunk, encoding, data) VALUES (?1, ?2, ?3, ?4, ?5)",
             )
-            .bind(id)
+            .bind(record.id)
             .bind(part.name())
             .bind(integer(chunk))
             .bind(word(&encoding)?)
@@ -276,6 +317,11 @@ async fn insert_cloud(
             chunk += 1;
         }
     }
+    sqlx::query("UPDATE clouds SET bytes = ?2 WHERE id = ?1")
+        .bind(record.id)
+        .bind(integer(bytes))
+        .execute(connection)
+        .await?;
     Ok(())
 }
 

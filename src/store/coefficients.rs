@@ -1,9 +1,11 @@
 //! Coefficients of a cloud's own functions in a job's bases: part of the result, for they are asked for more often than
 //! anything else that takes all bases to compute.
 
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
 use uuid::Uuid;
 
-use super::arrays::{Number, checksum, read_checked};
+use super::arrays::{Checksum, Number, checksum, read_checked, text_checksum};
 use super::reading::finished;
 use super::rows::integer;
 use super::{Claim, Store, StoreError, detached};
@@ -36,8 +38,8 @@ impl Store {
             for (place, function) in functions.iter().enumerate() {
                 let bytes = f64::write(&function.numbers);
                 sqlx::query(
-                    "INSERT INTO coefficients (job_id, place, name, energy, checksum, numbers) \
-                     VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+                    "INSERT INTO coefficients (job_id, place, name, energy, checksum, numbers, head_checksum) \
+                     VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
                 )
                 .bind(claim.job.id)
                 .bind(integer(place))
@@ -45,10 +47,11 @@ impl Store {
                 .bind(function.energy)
                 .bind(checksum(place, 0, &bytes).as_slice())
                 .bind(bytes)
+                .bind(head_checksum(&function.name, function.energy).as_slice())
                 .execute(&mut *transaction)
                 .await?;
             }
-            Ok(transaction.commit().await?)
+            transaction.commit().await
         })
         .await
     }
@@ -60,17 +63,29 @@ impl Store {
     pub async fn coefficients(&self, job: Uuid) -> Result<Vec<StoredCoefficients>, StoreError> {
         let mut snapshot = self.read().await?;
         finished(&mut snapshot, job).await?;
-        let rows: Vec<(String, f64, Vec<u8>, Vec<u8>)> = sqlx::query_as(
-            "SELECT name, energy, checksum, numbers FROM coefficients WHERE job_id = ?1 ORDER BY place",
+        let rows = sqlx::query(
+            "SELECT name, energy, checksum, numbers, head_checksum FROM coefficients WHERE job_id = ?1 ORDER BY place",
         )
         .bind(job)
         .fetch_all(&mut *snapshot)
         .await?;
-        let read = |(place, (name, energy, checksum, bytes)): (usize, (String, f64, Vec<u8>, Vec<u8>))| {
-            let mut numbers = Vec::new();
-            read_checked((place, 0), &checksum, &bytes, &mut numbers)?;
-            Ok(StoredCoefficients { name, energy, numbers })
-        };
-        rows.into_iter().enumerate().map(read).collect()
+        rows.iter().enumerate().map(|(place, row)| stored_coefficients(place, row)).collect()
     }
+}
+
+fn stored_coefficients(place: usize, row: &SqliteRow) -> Result<StoredCoefficients, StoreError> {
+    let mut numbers = Vec::new();
+    read_checked((place, 0), row.try_get("checksum")?, row.try_get("numbers")?, &mut numbers)?;
+    let (name, energy): (String, f64) = (row.try_get("name")?, row.try_get("energy")?);
+    let head: Option<&[u8]> = row.try_get("head_checksum")?;
+    if head.is_some_and(|head| head != head_checksum(&name, energy).as_slice()) {
+        return Err(StoreError::Damaged(format!(
+            "name or energy of function {place} does not match its checksum"
+        )));
+    }
+    Ok(StoredCoefficients { name, energy, numbers })
+}
+
+fn head_checksum(name: &str, energy: f64) -> Checksum {
+    text_checksum(&[name, &energy.to_bits().to_string()])
 }

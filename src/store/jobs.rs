@@ -7,9 +7,13 @@ use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
 use super::arrays::basis_chunk_points;
-use super::rows::{from_word, integer, job_record, job_with_id, select_jobs, to_json, word};
-use super::{CloudRecord, JobRecord, JobState, Owner, Page, Store, StoreError, detached};
+use super::line::place;
+use super::rows::{from_word, integer, job_with_id, readable_job, select_jobs, to_json, word};
+use super::{CloudRecord, JobRecord, JobState, Milliseconds, Owner, Page, Store, StoreError, detached};
 use crate::analysis::{JobKind, Parameters, memory_estimate};
+
+/// Entries of a row of an operator's matrix, about, before the matrix is known.
+const ENTRIES_PER_ROW: u64 = 60;
 
 impl JobState {
     /// Lowercase name, as in the interface.
@@ -57,7 +61,7 @@ impl Store {
         limit: u32,
     ) -> Result<Page<JobRecord>, StoreError> {
         let mut query = QueryBuilder::<Sqlite>::new(concat!(
-            select_jobs!("json_remove(j.report, '$.spectrum')"),
+            select_jobs!("json_remove(j.report, '$.spectrum')", "NULL"),
             "WHERE j.owner = "
         ));
         query.push_bind(owner.name().to_owned());
@@ -72,12 +76,16 @@ impl Store {
         }
         query.push(" ORDER BY j.id DESC LIMIT ").push_bind(i64::from(limit.max(1)) + 1);
         let mut records = Vec::new();
-        let mut rows = query.build().fetch(&self.readers);
-        while let Some(row) = rows.try_next().await? {
-            records.push(job_record(&row)?);
-            // Rows that are ready already come without a pause: let others onto this thread between them.
-            tokio::task::yield_now().await;
+        let mut snapshot = self.read().await?;
+        {
+            let mut rows = query.build().fetch(&mut *snapshot);
+            while let Some(row) = rows.try_next().await? {
+                records.push(readable_job(&row)?);
+                // Rows that are ready already come without a pause: let others onto this thread between them.
+                tokio::task::yield_now().await;
+            }
         }
+        place(&mut snapshot, &mut records).await?;
         Ok(Page::cut(records, limit, |job| job.id))
     }
 
@@ -90,6 +98,18 @@ impl Store {
             .fetch_all(&self.readers)
             .await?;
         counts.into_iter().map(|(state, jobs)| Ok((from_word(&state)?, jobs as u64))).collect()
+    }
+
+    /// Seconds since the submission of the job that has waited longest; 0 when none waits.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn oldest_queued_seconds(&self) -> Result<f64, StoreError> {
+        let oldest: Option<Milliseconds> =
+            sqlx::query_scalar("SELECT min(created) FROM jobs WHERE state = 'queued'")
+                .fetch_one(&self.readers)
+                .await?;
+        Ok(oldest.map_or(0.0, |created| (self.now() - created).max(0) as f64 / 1e3))
     }
 
     /// Asks to cancel: a queued job ends at once, a running one at its next heartbeat and never with a result. A
@@ -160,6 +180,7 @@ impl Store {
     ) -> Result<(JobRecord, bool), StoreError> {
         let memory = memory_estimate(cloud.points, cloud.dimension, cloud.faces, kind, parameters);
         let chunk_points = basis_chunk_points(parameters.bases);
+        let bytes = result_bytes(cloud.points, kind, parameters.bases);
         // Fields in the order of their declaration, numbers in their shortest form: equal parameters, equal text.
         let (kind, parameters) = (word(&kind)?, to_json(parameters)?);
         let same = sqlx::query(concat!(
@@ -173,37 +194,92 @@ impl Store {
         .fetch_optional(&mut *connection)
         .await?;
         if let Some(row) = same {
-            return Ok((job_record(&row)?, false));
+            let mut job = readable_job(&row)?;
+            place(connection, std::slice::from_mut(&mut job)).await?;
+            return Ok((job, false));
         }
         let budget = self.settings.memory_budget;
         if memory > budget {
             return Err(StoreError::OverBudget { need: memory, budget });
         }
-        self.refuse_when_full(connection).await?;
+        let owner = &cloud.owner;
+        self.refuse_when_queue_full(connection, owner).await?;
+        self.refuse_when_owner_full(connection, owner, bytes).await?;
         let id = Uuid::now_v7();
         sqlx::query(
-            "INSERT INTO jobs (id, owner, cloud_id, created, kind, parameters, memory, chunk_points, state) \
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, 'queued')",
+            "INSERT INTO jobs (id, owner, cloud_id, created, kind, parameters, memory, chunk_points, bytes, state) \
+             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, 'queued')",
         )
         .bind(id)
-        .bind(cloud.owner.name())
+        .bind(owner.name())
         .bind(cloud.id)
         .bind(self.now())
         .bind(kind)
         .bind(parameters)
         .bind(integer(memory))
         .bind(integer(chunk_points))
+        .bind(integer(bytes))
         .execute(&mut *connection)
         .await?;
         Ok((job_with_id(connection, id).await?, true))
     }
 
-    /// Refuses what would make the queue longer than it may be.
-    pub(super) async fn refuse_when_full(&self, connection: &mut SqliteConnection) -> Result<(), StoreError> {
-        let limit = self.settings.queue_max;
-        let queued: i64 = sqlx::query_scalar("SELECT count(*) FROM jobs WHERE state = 'queued'")
-            .fetch_one(connection)
-            .await?;
-        if queued as u64 >= limit { Err(StoreError::QueueFull { limit }) } else { Ok(()) }
+    /// Refuses what would make the queue, or the owner's part of it, longer than it may be. An owner of whom nothing waits
+    /// is let in even when others have filled the queue.
+    pub(super) async fn refuse_when_queue_full(
+        &self,
+        connection: &mut SqliteConnection,
+        owner: &Owner,
+    ) -> Result<(), StoreError> {
+        let (limit, own_limit) = (self.settings.queue_max, self.settings.queue_max_per_owner);
+        let (queued, own): (i64, i64) = sqlx::query_as(
+            "SELECT (SELECT count(*) FROM jobs WHERE state = 'queued'), \
+             (SELECT count(*) FROM jobs WHERE state = 'queued' AND owner = ?1)",
+        )
+        .bind(owner.name())
+        .fetch_one(connection)
+        .await?;
+        if own as u64 >= own_limit {
+            return Err(StoreError::OwnerQueueFull { limit: own_limit });
+        }
+        if queued as u64 >= limit && (own > 0 || limit == 0) {
+            return Err(StoreError::QueueFull { limit });
+        }
+        Ok(())
     }
+
+    /// Refuses what would make an owner's clouds and results take more than they may.
+    pub(super) async fn refuse_when_owner_full(
+        &self,
+        connection: &mut SqliteConnection,
+        owner: &Owner,
+        more: u64,
+    ) -> Result<(), StoreError> {
+        let limit = self.settings.stored_bytes_max_per_owner;
+        if limit == u64::MAX {
+            return Ok(());
+        }
+        let stored: i64 = sqlx::query_scalar(
+            "SELECT (SELECT coalesce(sum(bytes), 0) FROM clouds WHERE owner = ?1) \
+             + (SELECT coalesce(sum(bytes), 0) FROM jobs WHERE owner = ?1 AND state IN ('queued', 'running', 'succeeded'))",
+        )
+        .bind(owner.name())
+        .fetch_one(connection)
+        .await?;
+        let stored = stored as u64;
+        if stored.saturating_add(more) > limit {
+            return Err(StoreError::OwnerStorageFull { stored, more, limit });
+        }
+        Ok(())
+    }
+}
+
+/// Bytes of the result of a job before it is known: mass and bases, or a matrix of as many entries per row as the heat
+/// kernel's default cut-off has on an even surface.
+fn result_bytes(points: u64, kind: JobKind, bases: usize) -> u64 {
+    let per_point = match kind {
+        JobKind::Eigen => 8 * (1 + bases as u64),
+        JobKind::Operator => 8 + 8 + 12 * ENTRIES_PER_ROW,
+    };
+    points.saturating_mul(per_point)
 }

@@ -10,11 +10,14 @@ mod arrays;
 mod clouds;
 mod coefficients;
 mod content;
+mod copies;
 mod database;
-mod disk;
 mod error;
+mod followed;
 mod idempotency;
 mod jobs;
+mod line;
+mod lock;
 mod owner;
 mod queue;
 mod reading;
@@ -23,6 +26,8 @@ mod results;
 mod retention;
 mod rows;
 mod settings;
+mod space;
+mod write;
 
 use std::future::Future;
 use std::path::Path;
@@ -34,12 +39,14 @@ use tokio::sync::watch;
 pub use coefficients::StoredCoefficients;
 pub use error::StoreError;
 pub use idempotency::{REMEMBERED, Remembered};
+pub use lock::DatabaseLock;
 pub use owner::Owner;
 pub use records::{
     Claim, CloudRecord, FieldRecord, Heartbeat, JobFailure, JobRecord, JobState, Page, Submitted, Vitals,
 };
 pub use results::{ArrayName, BasisValues, Numbers};
 pub use settings::{Clock, StoreSettings};
+pub use space::Space;
 
 /// Points per chunk: every array of n numbers is stored as rows of this many little-endian numbers; bases of fewer, when
 /// there are many of them (see [`JobRecord::chunk_points`]).
@@ -57,8 +64,10 @@ pub struct Store {
     /// For clouds and results.
     arrays: SqlitePool,
     settings: Arc<StoreSettings>,
-    disk: disk::Disk,
+    disk: space::Disk,
+    last_commit: write::LastCommit,
     changes: watch::Sender<u64>,
+    followed: followed::Followed,
 }
 
 impl Store {
@@ -75,16 +84,17 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn open_with(path: &Path, settings: StoreSettings) -> Result<Self, StoreError> {
-        let (writer, readers, arrays) =
-            database::open(path, settings.readers, settings.array_readers).await?;
-        let disk = disk::Disk::of(path, settings.disk_floor);
+        let (writer, readers, arrays) = database::open(path, &settings).await?;
+        let disk = space::Disk::of(path, settings.disk_floor);
         Ok(Self {
             writer,
             readers,
             arrays,
             settings: Arc::new(settings),
             disk,
+            last_commit: write::LastCommit::default(),
             changes: watch::Sender::new(0),
+            followed: followed::Followed::default(),
         })
     }
 
@@ -101,40 +111,27 @@ impl Store {
         self.changes.subscribe()
     }
 
-    /// A write that proves the database takes writes.
-    ///
-    /// # Errors
-    /// [`StoreError::Database`], [`StoreError::StorageFull`].
-    pub async fn probe(&self) -> Result<(), StoreError> {
-        let store = self.clone();
-        detached(async move {
-            sqlx::query(
-                "INSERT INTO probes (id, beats) VALUES (1, 1) ON CONFLICT (id) DO UPDATE SET beats = beats + 1",
-            )
-            .execute(&store.writer)
-            .await?;
-            Ok(())
-        })
-        .await
-    }
-
     /// Writes a compacted copy of the database at `path`, as of one moment, to the new file `copy`. Services that have it
     /// open go on meanwhile; it is neither made nor migrated.
     ///
     /// # Errors
     /// [`StoreError::Database`], also when `copy` exists.
     pub async fn backup(path: &Path, copy: &Path) -> Result<(), StoreError> {
-        database::copy(path, copy).await
+        copies::copy(path, copy).await
+    }
+
+    /// Rewrites the database at `path` without its free pages, and so that it can be made shorter while it is served.
+    /// Nobody may have it open: the caller proves it by the lock.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`]; [`StoreError::StorageFull`] when there is no room for the rewritten file beside the old
+    /// one. The database is unchanged then.
+    pub async fn compact(path: &Path, lock: &DatabaseLock) -> Result<(), StoreError> {
+        copies::compact(path, lock).await
     }
 
     fn now(&self) -> Milliseconds {
         self.settings.clock.now()
-    }
-
-    /// Begins a transaction that holds the write lock from its start: one that reads first and asks for the lock later
-    /// fails at once when another wrote in between, whatever the busy timeout.
-    async fn write(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
-        Ok(self.writer.begin_with("BEGIN IMMEDIATE").await?)
     }
 
     /// Begins a transaction in which several statements read arrays from one snapshot.

@@ -7,55 +7,70 @@
 use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
-use super::rows::{integer, job_with_id, to_json, word};
+use super::arrays::text_checksum;
+use super::results::clear_result;
+use super::rows::{integer, job_record, select_jobs, to_json, unreadable, word};
 use super::{Claim, Heartbeat, JobFailure, JobState, Milliseconds, Store, StoreError, Vitals, detached};
 use crate::analysis::Report;
 
+/// Longer than any delay after which a job is tried again. One that is to wait longer was put back before the clock was
+/// set back, and is let go.
+const DELAY_MAX: Milliseconds = 15 * 60 * 1000;
+
 impl Store {
-    /// Claims the job that has waited longest, for `process`; `None` when none waits.
+    /// Claims the next job for `process`; `None` when none waits. Owners take turns: next is the oldest job of the owner
+    /// who was served longest ago.
     ///
     /// Jobs whose lease ran out are put back first, or ended when their attempts are used up.
     ///
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn claim(&self, process: Uuid) -> Result<Option<Claim>, StoreError> {
-        self.claim_within(process, u64::MAX).await
+        self.claim_within(process, u64::MAX, true).await
     }
 
-    /// As [`Self::claim`], when the job is estimated to take at most `free` bytes of memory. A job that takes more keeps
-    /// those behind it waiting: were they let past, it might wait for ever.
+    /// As [`Self::claim`], when the job is estimated to take at most `free` bytes of memory, and when either it is its
+    /// first attempt or nothing else runs (`idle`): a job that may have killed the process must not take others with it.
+    /// A job that cannot be claimed yet keeps those behind it waiting: were they let past, it might wait for ever.
+    ///
+    /// A job whose record cannot be read ends failed.
     ///
     /// # Errors
     /// [`StoreError::Database`].
-    pub async fn claim_within(&self, process: Uuid, free: u64) -> Result<Option<Claim>, StoreError> {
+    pub async fn claim_within(
+        &self,
+        process: Uuid,
+        free: u64,
+        idle: bool,
+    ) -> Result<Option<Claim>, StoreError> {
         if !self.has_work().await? {
             return Ok(None);
         }
         let store = self.clone();
         detached(async move {
             let mut transaction = store.write().await?;
-            let given_up = store.give_up_running(&mut transaction, None).await?;
-            let claimed = sqlx::query(
-                "UPDATE jobs SET state = 'running', attempt = attempt + 1, lease = lease + 1, process_id = ?1, \
-                 lease_until = ?2 + ?3, started = ?2, phase = 'preparation', progress = 0.0, phase_seconds = '[]' \
-                 WHERE id = (SELECT id FROM jobs WHERE state = 'queued' AND not_before <= ?2 ORDER BY id LIMIT 1) \
-                 AND memory <= ?4 RETURNING id, lease",
-            )
-            .bind(process)
-            .bind(store.now())
-            .bind(store.settings.lease)
-            .bind(integer(free))
-            .fetch_optional(&mut *transaction)
-            .await?;
-            let claim = match claimed {
-                Some(row) => {
-                    let job = job_with_id(&mut transaction, row.try_get("id")?).await?;
-                    Some(Claim { job, lease: row.try_get("lease")? })
+            let mut changed = store.give_up_running(&mut transaction, None).await? > 0;
+            let claim = loop {
+                let Some((id, lease)) = store.mark_claimed(&mut transaction, process, free, idle).await?
+                else {
+                    break None;
+                };
+                changed = true;
+                let row = sqlx::query(concat!(select_jobs!(), "WHERE j.id = ?1"))
+                    .bind(id)
+                    .fetch_one(&mut *transaction)
+                    .await?;
+                match job_record(&row) {
+                    Ok(job) => break Some(Claim { job, lease }),
+                    Err(StoreError::Damaged(cause)) => {
+                        tracing::error!(job = %id, %cause, "a job that cannot be read ends failed");
+                        mark_unreadable(&mut transaction, id, store.now(), &cause).await?;
+                    }
+                    Err(error) => return Err(error),
                 }
-                None => None,
             };
             transaction.commit().await?;
-            if claim.is_some() || given_up > 0 {
+            if changed {
                 store.announce();
             }
             Ok(claim)
@@ -63,13 +78,50 @@ impl Store {
         .await
     }
 
+    /// Sets the next job running and gives its owner the last turn; its id and its new lease.
+    async fn mark_claimed(
+        &self,
+        connection: &mut SqliteConnection,
+        process: Uuid,
+        free: u64,
+        idle: bool,
+    ) -> Result<Option<(Uuid, i64)>, StoreError> {
+        let claimed = sqlx::query(
+            "UPDATE jobs SET state = 'running', attempt = attempt + 1, lease = lease + 1, process_id = ?1, \
+             lease_until = ?2 + ?3, started = ?2, phase = 'preparation', progress = 0.0, phase_seconds = '[]' \
+             WHERE id = (SELECT w.id FROM (SELECT owner, min(id) AS id FROM jobs WHERE state = 'queued' \
+             AND (not_before <= ?2 OR not_before > ?2 + ?6) GROUP BY owner) w \
+             LEFT JOIN turns t ON t.owner = w.owner ORDER BY coalesce(t.turn, 0), w.id LIMIT 1) \
+             AND memory <= ?4 AND (attempt = 0 OR ?5) RETURNING id, lease, owner",
+        )
+        .bind(process)
+        .bind(self.now())
+        .bind(self.settings.lease)
+        .bind(integer(free))
+        .bind(idle)
+        .bind(DELAY_MAX)
+        .fetch_optional(&mut *connection)
+        .await?;
+        let Some(row) = claimed else { return Ok(None) };
+        sqlx::query(
+            "INSERT INTO turns (owner, turn) SELECT ?1, coalesce(max(turn), 0) + 1 FROM turns WHERE true \
+             ON CONFLICT (owner) DO UPDATE SET turn = excluded.turn",
+        )
+        .bind(row.try_get::<&str, _>("owner")?)
+        .execute(connection)
+        .await?;
+        Ok(Some((row.try_get("id")?, row.try_get("lease")?)))
+    }
+
     /// Whether a job may be claimed or given up. Only reads: idle workers ask every second.
     async fn has_work(&self) -> Result<bool, StoreError> {
         let has_work = sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'queued' AND not_before <= ?1) \
-             OR EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND lease_until < ?1)",
+            "SELECT EXISTS (SELECT 1 FROM jobs WHERE state = 'queued' AND (not_before <= ?1 OR not_before > ?1 + ?2)) \
+             OR EXISTS (SELECT 1 FROM jobs WHERE state = 'running' AND (lease_until < ?1 OR lease_until > ?1 + ?3))",
         )
         .bind(self.now())
+        .bind(DELAY_MAX)
+        .bind(self.settings.lease)
         .fetch_one(&self.readers)
         .await?;
         Ok(has_work)
@@ -88,14 +140,16 @@ impl Store {
                 "the analysis needs more memory than the budget of the service, which is now {budget} bytes"
             ),
         };
+        let mut transaction = self.write().await?;
         let failed = sqlx::query(
             "UPDATE jobs SET state = 'failed', failure = ?2, finished = ?3 WHERE state = 'queued' AND memory > ?1",
         )
         .bind(integer(budget))
         .bind(to_json(&failure)?)
         .bind(self.now())
-        .execute(&self.writer)
+        .execute(&mut *transaction)
         .await?;
+        transaction.commit().await?;
         Ok(failed.rows_affected())
     }
 
@@ -110,14 +164,15 @@ impl Store {
         detached(async move {
             let mut transaction = store.write().await?;
             let orphans = store.give_up_running(&mut transaction, Some(process)).await?;
-            for statement in [
-                "DELETE FROM basis_chunks WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
-                "DELETE FROM bases WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
-                "DELETE FROM array_chunks WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
-                "DELETE FROM arrays WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
-                "DELETE FROM coefficients WHERE job_id IN (SELECT id FROM jobs WHERE state IN ('queued', 'failed', 'canceled'))",
-            ] {
-                sqlx::query(statement).execute(&mut *transaction).await?;
+            let left: Vec<Uuid> = sqlx::query_scalar(
+                "SELECT id FROM jobs j WHERE state IN ('queued', 'failed', 'canceled') \
+                 AND (EXISTS (SELECT 1 FROM arrays a WHERE a.job_id = j.id) \
+                 OR EXISTS (SELECT 1 FROM bases b WHERE b.job_id = j.id))",
+            )
+            .fetch_all(&mut *transaction)
+            .await?;
+            for job in left {
+                clear_result(&mut transaction, job).await?;
             }
             transaction.commit().await?;
             store.announce();
@@ -131,8 +186,10 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn heartbeat(&self, claim: &Claim, vitals: &Vitals) -> Result<Heartbeat, StoreError> {
+        let mut transaction = self.write().await?;
         let cancel: Option<bool> = sqlx::query_scalar(
-            "UPDATE jobs SET phase = ?3, progress = max(progress, ?4), phase_seconds = ?5, lease_until = ?6 \
+            "UPDATE jobs SET phase = ?3, progress = max(progress, ?4), phase_seconds = ?5, lease_until = ?6, \
+             memory = max(memory, ?7) \
              WHERE id = ?1 AND lease = ?2 AND state = 'running' RETURNING cancel_requested",
         )
         .bind(claim.job.id)
@@ -141,8 +198,10 @@ impl Store {
         .bind(vitals.progress.clamp(0.0, 1.0))
         .bind(to_json(&vitals.phase_seconds)?)
         .bind(self.now() + self.settings.lease)
-        .fetch_optional(&self.writer)
+        .bind(integer(vitals.memory))
+        .fetch_optional(&mut *transaction)
         .await?;
+        transaction.commit().await?;
         self.announce();
         Ok(learned(cancel))
     }
@@ -175,25 +234,32 @@ impl Store {
     ) -> Result<JobState, StoreError> {
         let (store, claim) = (self.clone(), claim.clone());
         let (text, phase_seconds) = (readable_report(report)?, to_json(&vitals.phase_seconds)?);
-        let phase = word(&vitals.phase)?;
+        let (phase, memory) = (word(&vitals.phase)?, integer(vitals.memory));
         let bases = report.spectrum.as_ref().map(|spectrum| spectrum.eigenvalues.len());
         detached(async move {
             let mut transaction = store.write().await?;
             if store.check_claim(&mut transaction, &claim).await? == Heartbeat::Cancel {
-                drop(transaction);
+                transaction.commit().await?;
                 store.cancel_claimed(&claim).await?;
                 return Ok(JobState::Canceled);
             }
             store.check_whole(&mut transaction, &claim, bases).await?;
+            let bases_bytes = 8 * claim.job.points * bases.unwrap_or(0) as u64;
             sqlx::query(
                 "UPDATE jobs SET state = 'succeeded', phase = ?2, progress = 1.0, phase_seconds = ?3, report = ?4, \
-                 finished = ?5, lease_until = NULL, process_id = NULL WHERE id = ?1",
+                 finished = ?5, lease_until = NULL, process_id = NULL, report_checksum = ?6, memory = max(memory, ?8), \
+                 bytes = ?7 + \
+                 (SELECT sum(numbers * CASE name WHEN 'columns' THEN 4 ELSE 8 END) FROM arrays WHERE job_id = ?1) \
+                 WHERE id = ?1",
             )
             .bind(claim.job.id)
             .bind(phase)
             .bind(phase_seconds)
-            .bind(text)
+            .bind(&text)
             .bind(store.now())
+            .bind(text_checksum(&[&text]).as_slice())
+            .bind(integer(bases_bytes))
+            .bind(memory)
             .execute(&mut *transaction)
             .await?;
             transaction.commit().await?;
@@ -216,7 +282,7 @@ impl Store {
     ) -> Result<JobState, StoreError> {
         let ending = match retry {
             Some(delay) if claim.job.attempt < self.settings.attempts_max => {
-                Ending::Requeued { attempts_back: 0, delay }
+                Ending::Requeued { attempts_back: 0, delay, memory: claim.job.memory }
             }
             _ => Ending::Failed(failure),
         };
@@ -237,7 +303,25 @@ impl Store {
     /// # Errors
     /// [`StoreError::LostClaim`], [`StoreError::Database`].
     pub async fn release(&self, claim: &Claim) -> Result<JobState, StoreError> {
-        self.end(claim, Ending::Requeued { attempts_back: 1, delay: 0 }).await
+        self.end(claim, Ending::Requeued { attempts_back: 1, delay: 0, memory: claim.job.memory }).await
+    }
+
+    /// Gives the job back to its place in the queue with a better estimate of the memory that it needs, its attempt not
+    /// counted; ends it when it needs more than the budget. Returns the state after.
+    ///
+    /// # Errors
+    /// [`StoreError::LostClaim`], [`StoreError::Database`].
+    pub async fn release_for_memory(&self, claim: &Claim, need: u64) -> Result<JobState, StoreError> {
+        let budget = self.settings.memory_budget;
+        let ending = if need > budget {
+            Ending::Failed(JobFailure {
+                code: "memory".to_owned(),
+                detail: StoreError::OverBudget { need, budget }.to_string(),
+            })
+        } else {
+            Ending::Requeued { attempts_back: 1, delay: 0, memory: need }
+        };
+        self.end(claim, ending).await
     }
 
     async fn end(&self, claim: &Claim, ending: Ending) -> Result<JobState, StoreError> {
@@ -245,23 +329,25 @@ impl Store {
         detached(async move {
             let mut transaction = store.write().await?;
             let cancel = store.check_claim(&mut transaction, &claim).await? == Heartbeat::Cancel;
-            let (state, failure, attempts_back, delay) = match ending {
-                Ending::Failed(failure) => (JobState::Failed, Some(to_json(&failure)?), 0, 0),
-                Ending::Requeued { attempts_back, delay } if !cancel => {
-                    (JobState::Queued, None, attempts_back, delay)
+            let (memory, now) = (claim.job.memory, store.now());
+            let (state, failure, attempts_back, not_before, memory) = match ending {
+                Ending::Failed(failure) => (JobState::Failed, Some(to_json(&failure)?), 0, 0, memory),
+                Ending::Requeued { attempts_back, delay, memory } if !cancel => {
+                    (JobState::Queued, None, attempts_back, if delay > 0 { now + delay } else { 0 }, memory)
                 }
-                Ending::Requeued { .. } | Ending::Canceled => (JobState::Canceled, None, 0, 0),
+                Ending::Requeued { .. } | Ending::Canceled => (JobState::Canceled, None, 0, 0, memory),
             };
             sqlx::query(
                 "UPDATE jobs SET state = ?2, failure = ?3, finished = ?4, attempt = attempt - ?5, not_before = ?6, \
-                 lease_until = NULL, process_id = NULL WHERE id = ?1",
+                 memory = ?7, lease_until = NULL, process_id = NULL WHERE id = ?1",
             )
             .bind(claim.job.id)
             .bind(word(&state)?)
             .bind(failure)
-            .bind(state.is_terminal().then(|| store.now()))
+            .bind(state.is_terminal().then_some(now))
             .bind(attempts_back)
-            .bind(store.now() + delay)
+            .bind(not_before)
+            .bind(integer(memory))
             .execute(&mut *transaction)
             .await?;
             transaction.commit().await?;
@@ -305,6 +391,14 @@ impl Store {
                 self.settings.attempts_max
             ),
         };
+        // A lease longer than any that is given was given before the clock was set back: it gets the usual time from now.
+        sqlx::query(
+            "UPDATE jobs SET lease_until = ?1 + ?2 WHERE state = 'running' AND lease_until > ?1 + ?2",
+        )
+        .bind(self.now())
+        .bind(self.settings.lease)
+        .execute(&mut *connection)
+        .await?;
         let given_up = sqlx::query(
             "UPDATE jobs SET \
              state = CASE WHEN cancel_requested THEN 'canceled' WHEN attempt >= ?3 THEN 'failed' ELSE 'queued' END, \
@@ -327,7 +421,26 @@ impl Store {
 enum Ending {
     Failed(JobFailure),
     Canceled,
-    Requeued { attempts_back: i64, delay: Milliseconds },
+    Requeued { attempts_back: i64, delay: Milliseconds, memory: u64 },
+}
+
+/// Ends a claimed job that cannot be read.
+async fn mark_unreadable(
+    connection: &mut SqliteConnection,
+    job: Uuid,
+    now: Milliseconds,
+    cause: &str,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "UPDATE jobs SET state = 'failed', failure = ?2, finished = ?3, lease_until = NULL, process_id = NULL \
+         WHERE id = ?1",
+    )
+    .bind(job)
+    .bind(to_json(&unreadable(cause))?)
+    .bind(now)
+    .execute(connection)
+    .await?;
+    Ok(())
 }
 
 fn learned(cancel_requested: Option<bool>) -> Heartbeat {

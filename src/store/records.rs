@@ -1,4 +1,4 @@
-//! What the store hands out: clouds and jobs without their arrays.
+//! Records of the store: clouds and jobs without their arrays.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -83,7 +83,7 @@ pub enum JobState {
 /// Why a job failed, in words for its owner.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JobFailure {
-    /// Stable word: `parameter`, `cloud`, `unsupported`, `numerical`, `memory`, `crashed`, `internal`.
+    /// Stable word: `parameter`, `cloud`, `unsupported`, `numerical`, `memory`, `time`, `crashed`, `internal`.
     pub code: String,
     /// A sentence.
     pub detail: String,
@@ -94,6 +94,8 @@ pub struct JobFailure {
 pub struct JobRecord {
     /// A `UUIDv7`.
     pub id: Uuid,
+    /// Whose it is.
+    pub owner: Owner,
     /// The cloud it analyses.
     pub cloud_id: Uuid,
     /// What the cloud's file was called.
@@ -116,7 +118,7 @@ pub struct JobRecord {
     pub attempt: u32,
     /// Somebody asked to cancel it.
     pub cancel_requested: bool,
-    /// Jobs queued before it, when queued.
+    /// Jobs that are served before it, when queued.
     pub queue_position: Option<u64>,
     /// When it was submitted.
     pub created: Milliseconds,
@@ -196,4 +198,6 @@ pub struct Vitals {
     pub progress: f64,
     /// Seconds spent in each phase so far, in order.
     pub phase_seconds: Vec<(Phase, f64)>,
+    /// Bytes of memory that are reserved for it.
+    pub memory: u64,
 }

@@ -8,17 +8,11 @@ use super::rows::integer;
 use super::{CHUNK_POINTS, Claim, Store, StoreError, detached, off_thread};
 use crate::analysis::JobKind;
 
-/// An eigenpair as it is stored.
+/// The eigenvector of an eigenpair; the report has its numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BasisValues {
     /// Its place in the spectrum, from 0.
     pub index: usize,
-    /// λ in 1/length².
-    pub eigenvalue: Option<f64>,
-    /// μ, the eigenvalue of the matrix pencil.
-    pub raw_eigenvalue: f64,
-    /// Relative residual.
-    pub residual: f64,
     /// One value per row of the cloud.
     pub values: Vec<f64>,
 }
@@ -87,7 +81,7 @@ impl Store {
             let mut transaction = store.write().await?;
             store.check_claim(&mut transaction, &claim).await?;
             clear_result(&mut transaction, claim.job.id).await?;
-            Ok(transaction.commit().await?)
+            transaction.commit().await
         })
         .await
     }
@@ -96,8 +90,7 @@ impl Store {
     /// one. They are invisible until [`Store::finish`].
     ///
     /// # Errors
-    /// [`StoreError::LostClaim`]; [`StoreError::Damaged`] for a basis of the wrong length or an eigenvalue or residual
-    /// that is not finite; [`StoreError::Database`].
+    /// [`StoreError::LostClaim`]; [`StoreError::Damaged`] for a basis of the wrong length; [`StoreError::Database`].
     pub async fn put_bases(&self, claim: &Claim, bases: Vec<BasisValues>) -> Result<(), StoreError> {
         let (store, claim) = (self.clone(), claim.clone());
         for basis in &bases {
@@ -108,17 +101,16 @@ impl Store {
             let chunked = off_thread(move || {
                 Ok(bases
                     .into_iter()
-                    .map(|basis| (cut(basis.index, &basis.values, chunk_points), basis))
-                    .map(|(cut, basis)| (cut, BasisValues { values: Vec::new(), ..basis }))
+                    .map(|basis| (basis.index, cut(basis.index, &basis.values, chunk_points)))
                     .collect::<Vec<_>>())
             })
             .await?;
             let mut transaction = store.write().await?;
             store.check_claim(&mut transaction, &claim).await?;
-            for (chunked, basis) in chunked {
-                insert_basis(&mut transaction, claim.job.id, &basis, chunked).await?;
+            for (index, chunked) in chunked {
+                insert_basis(&mut transaction, claim.job.id, index, chunked).await?;
             }
-            Ok(transaction.commit().await?)
+            transaction.commit().await
         })
         .await
     }
@@ -140,7 +132,7 @@ impl Store {
             let mut transaction = store.write().await?;
             store.check_claim(&mut transaction, &claim).await?;
             insert_array(&mut transaction, claim.job.id, name, length, chunked).await?;
-            Ok(transaction.commit().await?)
+            transaction.commit().await
         })
         .await
     }
@@ -186,11 +178,12 @@ impl Store {
         if ended {
             clear_result(&mut transaction, job).await?;
         }
-        Ok(transaction.commit().await?)
+        transaction.commit().await
     }
 }
 
-async fn clear_result(connection: &mut SqliteConnection, job: Uuid) -> Result<(), StoreError> {
+/// Deletes whatever is stored of a job's result.
+pub(super) async fn clear_result(connection: &mut SqliteConnection, job: Uuid) -> Result<(), StoreError> {
     for statement in [
         "DELETE FROM basis_chunks WHERE job_id = ?1",
         "DELETE FROM bases WHERE job_id = ?1",
@@ -204,45 +197,32 @@ async fn clear_result(connection: &mut SqliteConnection, job: Uuid) -> Result<()
 }
 
 fn check_basis(basis: &BasisValues, points: u64) -> Result<(), StoreError> {
-    let scalars = [basis.eigenvalue.unwrap_or(0.0), basis.raw_eigenvalue, basis.residual];
-    if scalars.iter().all(|x| x.is_finite()) && basis.values.len() as u64 == points {
+    if basis.values.len() as u64 == points {
         return Ok(());
     }
-    Err(StoreError::Damaged(format!(
-        "basis {} has {} values for {points} points, eigenvalues {:?} and {}, residual {}",
-        basis.index,
-        basis.values.len(),
-        basis.eigenvalue,
-        basis.raw_eigenvalue,
-        basis.residual
-    )))
+    let (index, values) = (basis.index, basis.values.len());
+    Err(StoreError::Damaged(format!("basis {index} has {values} values for {points} points")))
 }
 
 async fn insert_basis(
     connection: &mut SqliteConnection,
     job: Uuid,
-    basis: &BasisValues,
+    index: usize,
     chunked: Chunked,
 ) -> Result<(), StoreError> {
-    sqlx::query(
-        "INSERT INTO bases (job_id, idx, eigenvalue, raw_eigenvalue, residual, digest) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
-    )
-    .bind(job)
-    .bind(integer(basis.index))
-    .bind(basis.eigenvalue)
-    .bind(basis.raw_eigenvalue)
-    .bind(basis.residual)
-    .bind(chunked.digest.as_slice())
-    .execute(&mut *connection)
-    .await?;
+    sqlx::query("INSERT INTO bases (job_id, idx, digest) VALUES (?1, ?2, ?3)")
+        .bind(job)
+        .bind(integer(index))
+        .bind(chunked.digest.as_slice())
+        .execute(&mut *connection)
+        .await?;
     for (chunk, (checksum, data)) in chunked.chunks.into_iter().enumerate() {
         sqlx::query(
             "INSERT INTO basis_chunks (job_id, chunk, idx, checksum, data) VALUES (?1, ?2, ?3, ?4, ?5)",
         )
         .bind(job)
         .bind(integer(chunk))
-        .bind(integer(basis.index))
+        .bind(integer(index))
         .bind(checksum.as_slice())
         .bind(data)
         .execute(&mut *connection)

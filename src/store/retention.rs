@@ -1,4 +1,4 @@
-//! What is deleted by itself after a time.
+//! Deletes jobs and clouds that are older than they are kept.
 
 use super::{Milliseconds, Store, StoreError, detached};
 
@@ -33,7 +33,9 @@ impl Store {
         let store = self.clone();
         detached(async move {
             let before = store.now().saturating_sub(age);
-            let deleted = sqlx::query(statement).bind(before).execute(&store.writer).await?;
+            let mut write = store.write().await?;
+            let deleted = sqlx::query(statement).bind(before).execute(&mut *write).await?;
+            write.commit().await?;
             if deleted.rows_affected() > 0 {
                 store.announce();
             }

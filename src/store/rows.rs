@@ -7,25 +7,30 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
+use super::arrays::{Checksum, text_checksum};
+use super::line::place;
 use super::records::{CloudRecord, JobRecord};
-use super::{JobState, Owner, StoreError};
+use super::{CHUNK_POINTS, JobFailure, JobState, Owner, StoreError};
+use crate::analysis::{JobKind, Parameters};
 use crate::progress::Phase;
 
 /// Columns and tables from which [`job_record`] reads, with an expression for the report, to be followed by a condition
-/// on `j`.
+/// on `j`. `before` counts jobs of the same owner; [`super::line::place`] makes a place in the whole queue of it.
 macro_rules! select_jobs {
-    ($report:literal) => {
+    ($report:literal, $checksum:literal) => {
         concat!(
-            "SELECT j.id, j.cloud_id, j.created, j.kind, j.parameters, j.state, j.phase, j.progress, j.phase_seconds, \
+            "SELECT j.id, j.owner, j.cloud_id, j.created, j.kind, j.parameters, j.state, j.phase, j.progress, j.phase_seconds, \
              j.memory, j.chunk_points, j.attempt, j.cancel_requested, j.started, j.finished, j.failure, c.points, c.name AS cloud_name, ",
+            $checksum,
+            " AS report_checksum, ",
             $report,
             " AS report, CASE j.state WHEN 'queued' THEN \
-             (SELECT count(*) FROM jobs q WHERE q.state = 'queued' AND q.id < j.id) END AS queue_position \
+             (SELECT count(*) FROM jobs q WHERE q.state = 'queued' AND q.owner = j.owner AND q.id < j.id) END AS before \
              FROM jobs j JOIN clouds c ON c.id = j.cloud_id "
         )
     };
     () => {
-        $crate::store::rows::select_jobs!("j.report")
+        $crate::store::rows::select_jobs!("j.report", "j.report_checksum")
     };
 }
 pub(super) use select_jobs;
@@ -34,9 +39,57 @@ pub(super) async fn job_with_id(
     connection: &mut SqliteConnection,
     id: Uuid,
 ) -> Result<JobRecord, StoreError> {
-    let row =
-        sqlx::query(concat!(select_jobs!(), "WHERE j.id = ?1")).bind(id).fetch_optional(connection).await?;
-    job_record(&row.ok_or(StoreError::NotFound)?)
+    let row = sqlx::query(concat!(select_jobs!(), "WHERE j.id = ?1"))
+        .bind(id)
+        .fetch_optional(&mut *connection)
+        .await?;
+    let mut job = readable_job(&row.ok_or(StoreError::NotFound)?)?;
+    place(connection, std::slice::from_mut(&mut job)).await?;
+    Ok(job)
+}
+
+/// The job in a row; one that cannot be read, as after a return to an older version, is shown as failed.
+pub(super) fn readable_job(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+    match job_record(row) {
+        Err(StoreError::Damaged(cause)) => unreadable_job(row, &cause),
+        other => other,
+    }
+}
+
+/// What the owner of a job is told whose row cannot be read.
+pub(super) fn unreadable(cause: &str) -> JobFailure {
+    JobFailure {
+        code: "internal".to_owned(),
+        detail: format!(
+            "the record of the job cannot be read, it is damaged or of another version of the service: {cause}"
+        ),
+    }
+}
+
+fn unreadable_job(row: &SqliteRow, cause: &str) -> Result<JobRecord, StoreError> {
+    Ok(JobRecord {
+        id: row.try_get("id")?,
+        owner: Owner::named(row.try_get("owner")?),
+        cloud_id: row.try_get("cloud_id")?,
+        cloud_name: row.try_get("cloud_name")?,
+        points: count(row, "points")?,
+        kind: from_word(row.try_get("kind")?).unwrap_or(JobKind::Eigen),
+        state: JobState::Failed,
+        phase: None,
+        progress: 0.0,
+        memory: 0,
+        chunk_points: CHUNK_POINTS,
+        attempt: count(row, "attempt").unwrap_or(0) as u32,
+        cancel_requested: row.try_get("cancel_requested")?,
+        queue_position: None,
+        created: row.try_get("created")?,
+        started: row.try_get("started")?,
+        finished: row.try_get("finished")?,
+        phase_seconds: Vec::new(),
+        parameters: Parameters::default(),
+        report: None,
+        failure: Some(unreadable(cause)),
+    })
 }
 
 pub(super) async fn cloud_with_id(
@@ -48,7 +101,7 @@ pub(super) async fn cloud_with_id(
 }
 
 pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
-    Ok(CloudRecord {
+    let record = CloudRecord {
         id: row.try_get("id")?,
         owner: Owner::named(row.try_get("owner")?),
         name: row.try_get("name")?,
@@ -64,18 +117,40 @@ pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
         origin: row.try_get::<Option<&str>, _>("origin")?.map(json).transpose()?.unwrap_or_default(),
         fields: json(row.try_get("fields")?)?,
         faces: count(row, "faces")?,
-    })
+    };
+    let checksum: Option<&[u8]> = row.try_get("checksum")?;
+    if checksum.is_some_and(|checksum| cloud_checksum(&record).map_or(true, |own| own.as_slice() != checksum))
+    {
+        return Err(StoreError::Damaged(format!(
+            "the description of cloud {} does not match its checksum",
+            record.id
+        )));
+    }
+    Ok(record)
+}
+
+/// Checksum of everything that describes a cloud and is not one of its arrays.
+pub(super) fn cloud_checksum(cloud: &CloudRecord) -> Result<Checksum, StoreError> {
+    let counts = [cloud.points, cloud.dimension as u64, cloud.nonfinite, cloud.duplicates, cloud.faces];
+    Ok(text_checksum(&[
+        &cloud.digest,
+        &to_json(&counts)?,
+        &to_json(&cloud.bounding_box)?,
+        &to_json(&(cloud.coordinate_type, cloud.grids, &cloud.fields))?,
+    ]))
 }
 
 pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
     let state: JobState = from_word(row.try_get("state")?)?;
     let phase: Option<&str> = row.try_get("phase")?;
     let phase: Option<Phase> = phase.map(from_word).transpose()?;
-    let queued_before: Option<i64> = row.try_get("queue_position")?;
+    let before: Option<i64> = row.try_get("before")?;
     let report: Option<&str> = row.try_get("report")?;
+    check_report(row, report)?;
     let failure: Option<&str> = row.try_get("failure")?;
     Ok(JobRecord {
         id: row.try_get("id")?,
+        owner: Owner::named(row.try_get("owner")?),
         cloud_id: row.try_get("cloud_id")?,
         cloud_name: row.try_get("cloud_name")?,
         points: count(row, "points")?,
@@ -87,7 +162,7 @@ pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         chunk_points: count(row, "chunk_points")? as usize,
         attempt: count(row, "attempt")? as u32,
         cancel_requested: row.try_get("cancel_requested")?,
-        queue_position: queued_before.map(|position| position as u64),
+        queue_position: before.map(|jobs| jobs as u64),
         created: row.try_get("created")?,
         started: row.try_get("started")?,
         finished: row.try_get("finished")?,
@@ -96,6 +171,17 @@ pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         report: report.map(json).transpose()?,
         failure: failure.map(json).transpose()?,
     })
+}
+
+/// Refuses a report whose text is not the one that was stored. Listings select a part of it, without the checksum.
+fn check_report(row: &SqliteRow, report: Option<&str>) -> Result<(), StoreError> {
+    let checksum: Option<&[u8]> = row.try_get("report_checksum")?;
+    match (checksum, report) {
+        (Some(checksum), Some(report)) if text_checksum(&[report]).as_slice() != checksum => {
+            Err(StoreError::Damaged("the report does not match its checksum".to_owned()))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A column that counts something.

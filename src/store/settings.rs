@@ -1,8 +1,8 @@
-//! What the store can be told, and where it takes the time from.
+//! Limits of the store, and the clock that it reads.
 
 use std::fmt;
 use std::sync::Arc;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::Milliseconds;
 
@@ -11,6 +11,12 @@ use super::Milliseconds;
 pub struct StoreSettings {
     /// Most jobs that may wait.
     pub queue_max: u64,
+    /// Most jobs of one owner that may wait.
+    pub queue_max_per_owner: u64,
+    /// Most bytes that the clouds and results of one owner may take together.
+    pub stored_bytes_max_per_owner: u64,
+    /// Bytes beyond which the database file does not grow.
+    pub file_bytes_max: u64,
     /// Most claims of one job, those not counted that an orderly stop gave back.
     pub attempts_max: u32,
     /// Bytes that the analyses running at one time may be estimated to take; what needs more by itself is refused.
@@ -19,6 +25,8 @@ pub struct StoreSettings {
     pub disk_floor: u64,
     /// How long a claim holds without a heartbeat, in milliseconds.
     pub lease: Milliseconds,
+    /// How long another process at the same file, such as an administrator's shell, is waited for.
+    pub busy: Duration,
     /// Connections for reading records.
     pub readers: u32,
     /// Connections for reading clouds and results.
@@ -31,10 +39,14 @@ impl Default for StoreSettings {
     fn default() -> Self {
         Self {
             queue_max: 1000,
+            queue_max_per_owner: u64::MAX,
+            stored_bytes_max_per_owner: u64::MAX,
+            file_bytes_max: u64::MAX,
             attempts_max: 3,
             memory_budget: u64::MAX,
             disk_floor: 0,
             lease: 60_000,
+            busy: Duration::from_secs(10),
             readers: 4,
             array_readers: 4,
             clock: Clock::default(),

@@ -17,7 +17,7 @@ use serde_json::Value;
 use crate::service::{Service, detail, file, lines, never_finishing, problem, sphere};
 
 /// Settings that bound something, each with its name in `/capabilities`.
-const LIMITS: [(&str, &str); 20] = [
+const LIMITS: [(&str, &str); 24] = [
     ("max-body", "body_bytes"),
     ("max-decoded", "decoded_bytes"),
     ("ratio-max", "decoded_ratio_max"),
@@ -33,6 +33,10 @@ const LIMITS: [(&str, &str); 20] = [
     ("faces-max", "faces_max"),
     ("bases-max", "bases_max"),
     ("queue-max", "queue_max"),
+    ("queue-max-per-key", "queue_max_per_key"),
+    ("stored-bytes-max-per-key", "stored_bytes_max_per_key"),
+    ("database-bytes-max", "database_bytes_max"),
+    ("job-seconds", "job_seconds"),
     ("jobs-at-once", "jobs_at_once"),
     ("memory-budget", "memory_budget_bytes"),
     ("disk-floor", "disk_floor_bytes"),

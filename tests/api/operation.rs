@@ -46,6 +46,9 @@ async fn metrics_tell_of_jobs_phases_requests_and_bytes() {
         ("chladni_http_received_bytes_total", cloud.len() as f64),
         ("chladni_http_sent_bytes_total", bases.len() as f64),
         ("chladni_disk_free_bytes", 1.0),
+        ("chladni_database_file_bytes", 1.0),
+        ("chladni_database_free_bytes", 0.0),
+        ("chladni_job_oldest_queued_seconds", 0.0),
     ] {
         assert!(value(&metrics, series) >= least, "{series}\n{metrics}");
     }

@@ -41,11 +41,11 @@ async fn a_job_is_claimed_only_when_there_is_room_and_lets_no_other_past() {
     let small = submit(&store, &cloud(20, 1), 2).await;
     let process = Uuid::now_v7();
     assert!(small.memory < large.memory);
-    assert!(store.claim_within(process, large.memory - 1).await.unwrap().is_none());
-    let claim = store.claim_within(process, large.memory).await.unwrap().unwrap();
+    assert!(store.claim_within(process, large.memory - 1, true).await.unwrap().is_none());
+    let claim = store.claim_within(process, large.memory, true).await.unwrap().unwrap();
     assert_eq!(claim.job.id, large.id);
-    assert!(store.claim_within(process, small.memory - 1).await.unwrap().is_none());
-    assert_eq!(store.claim_within(process, small.memory).await.unwrap().unwrap().job.id, small.id);
+    assert!(store.claim_within(process, small.memory - 1, true).await.unwrap().is_none());
+    assert_eq!(store.claim_within(process, small.memory, true).await.unwrap().unwrap().job.id, small.id);
 }
 
 #[tokio::test]
@@ -95,7 +95,7 @@ async fn a_disk_that_is_too_full_takes_no_clouds_and_no_jobs_and_gives_what_it_h
     assert!(matches!(full.submit(&cloud(20, 3), None).await, Err(StoreError::StorageFull)));
     let refused = full.submit_job(stored.id, chladni::analysis::JobKind::Eigen, parameters(2)).await;
     assert!(matches!(refused, Err(StoreError::StorageFull)));
-    assert!(matches!(full.refuse_when_disk_full(), Err(StoreError::StorageFull)));
+    assert!(matches!(full.refuse_when_disk_full().await, Err(StoreError::StorageFull)));
     assert_eq!(full.load_cloud(stored.id).await.unwrap(), cloud(20, 1));
 
     let jobs = start(&full, quick()).await;

@@ -1,9 +1,12 @@
 //! What survives a crash, and what the file refuses.
 
+use std::os::unix::fs::PermissionsExt;
+use std::time::Duration;
+
 use chladni::store::{ArrayName, JobState, Numbers, Owner, Store, StoreError};
 use futures_util::poll;
-use sqlx::ConnectOptions;
 use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{ConnectOptions, Connection};
 use uuid::Uuid;
 
 use crate::stage::{
@@ -106,10 +109,10 @@ async fn readers_go_on_while_a_write_transaction_is_open_and_writers_wait_for_it
     assert_eq!(store.basis(job, 1).await.unwrap().len(), 50);
     assert_eq!(store.jobs(&Owner::nobody(), None, None, None, 5).await.unwrap().items.len(), 1);
 
-    let mut probe = Box::pin(store.probe());
-    assert!(poll!(&mut probe).is_pending());
+    let mut cancel = Box::pin(store.request_cancel(job));
+    assert!(poll!(&mut cancel).is_pending());
     sqlx::query("ROLLBACK").execute(&mut writer).await.unwrap();
-    probe.await.unwrap();
+    cancel.await.unwrap();
 }
 
 #[tokio::test]
@@ -130,7 +133,8 @@ async fn a_file_that_is_no_database_or_another_applications_is_refused_unchanged
     let stage = Stage::new();
     let text = b"this is not a database, however long it may be, and it stays what it is".repeat(20);
     std::fs::write(stage.path(), &text).unwrap();
-    assert!(Store::open(&stage.path(), 10).await.is_err());
+    let refused = Store::open(&stage.path(), 10).await;
+    assert!(matches!(&refused, Err(StoreError::Database(why)) if why.contains("not an SQLite database")));
     assert_eq!(std::fs::read(stage.path()).unwrap(), text);
 
     let foreign = stage.path().with_file_name("foreign.db");
@@ -148,7 +152,73 @@ async fn a_file_that_is_no_database_or_another_applications_is_refused_unchanged
 async fn a_folder_that_does_not_exist_is_an_error() {
     let stage = Stage::new();
     let path = stage.path().with_file_name("nowhere").join("stage.db");
-    assert!(matches!(Store::open(&path, 10).await, Err(StoreError::Database(_))));
+    let refused = Store::open(&path, 10).await;
+    assert!(matches!(&refused, Err(StoreError::Database(why)) if why.contains("does not exist")));
+}
+
+#[tokio::test]
+async fn a_file_that_a_first_start_left_before_its_first_migration_is_taken_over() {
+    let stage = Stage::new();
+    let mut file = SqliteConnectOptions::new()
+        .filename(stage.path())
+        .create_if_missing(true)
+        .journal_mode(sqlx::sqlite::SqliteJournalMode::Wal)
+        .connect()
+        .await
+        .unwrap();
+    sqlx::query(
+        "CREATE TABLE _sqlx_migrations (version BIGINT PRIMARY KEY, description TEXT NOT NULL, \
+         installed_on TIMESTAMP NOT NULL DEFAULT CURRENT_TIMESTAMP, success BOOLEAN NOT NULL, \
+         checksum BLOB NOT NULL, execution_time BIGINT NOT NULL)",
+    )
+    .execute(&mut file)
+    .await
+    .unwrap();
+    file.close().await.unwrap();
+    let store = stage.open().await;
+    submit(&store, &cloud(5, 1), 2).await;
+
+    // With a migration of somebody else's it is somebody else's.
+    let foreign = stage.path().with_file_name("foreign.db");
+    std::fs::copy(stage.path(), &foreign).unwrap();
+    store.close().await;
+    std::fs::copy(stage.path(), &foreign).unwrap();
+    let mut file = SqliteConnectOptions::new().filename(&foreign).connect().await.unwrap();
+    sqlx::query("PRAGMA application_id = 0").execute(&mut file).await.unwrap();
+    file.close().await.unwrap();
+    let refused = Store::open(&foreign, 10).await;
+    assert!(matches!(&refused, Err(StoreError::Database(why)) if why.contains("another application")));
+}
+
+#[tokio::test]
+async fn a_database_of_a_newer_version_is_refused_with_what_to_do() {
+    let stage = Stage::new();
+    stage.open().await.close().await;
+    stage
+        .tamper(
+            "INSERT INTO _sqlx_migrations SELECT 9999, description, installed_on, success, checksum, execution_time \
+             FROM _sqlx_migrations LIMIT 1",
+        )
+        .await;
+    let Err(StoreError::Database(why)) = Store::open(&stage.path(), 10).await else {
+        panic!("it was opened")
+    };
+    assert!(why.contains("newer chladni") && why.contains("restore a backup"), "{why}");
+}
+
+#[tokio::test]
+async fn another_process_that_holds_the_write_lock_for_long_makes_writers_busy_and_readers_go_on() {
+    let stage = Stage::new();
+    let store = stage.open_with(|settings| settings.busy = Duration::from_millis(50)).await;
+    let job = submit(&store, &cloud(5, 1), 2).await.id;
+    let mut writer = stage.file().await;
+    sqlx::query("BEGIN EXCLUSIVE").execute(&mut writer).await.unwrap();
+    for _ in 0..3 {
+        assert!(matches!(store.request_cancel(job).await, Err(StoreError::Busy)));
+    }
+    assert_eq!(store.job(job).await.unwrap().state, JobState::Queued);
+    sqlx::query("ROLLBACK").execute(&mut writer).await.unwrap();
+    assert_eq!(store.request_cancel(job).await.unwrap().state, JobState::Canceled);
 }
 
 #[tokio::test]
@@ -160,5 +230,11 @@ async fn the_file_is_set_up_to_lose_nothing() {
     let mode: String = sqlx::query_scalar("PRAGMA journal_mode").fetch_one(&mut file).await.unwrap();
     assert_eq!(mode, "wal");
     assert_eq!(stage.number("PRAGMA page_size").await, 16_384);
-    assert_eq!(stage.number("SELECT beats FROM probes").await, 1);
+    store.probe().await.unwrap();
+    assert_eq!(stage.number("SELECT beats FROM probes").await, 1, "a write of a moment ago is proof enough");
+    assert_eq!(stage.number("PRAGMA auto_vacuum").await, 2, "incremental");
+    for file in ["stage.db", "stage.db-wal"] {
+        let mode = std::fs::metadata(stage.path().with_file_name(file)).unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o600, "{file}");
+    }
 }

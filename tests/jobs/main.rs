@@ -5,6 +5,10 @@
 mod admission;
 mod clouds;
 mod durability;
+mod exceptions;
+mod fairness;
+mod followers;
+mod full_disk;
 mod migrations;
 mod model;
 mod owners;

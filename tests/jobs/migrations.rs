@@ -35,7 +35,7 @@ async fn of_the_first_version(stage: &Stage, n: usize, bases: usize) {
         "INSERT INTO cloud_chunks SELECT * FROM today.cloud_chunks",
         "INSERT INTO jobs SELECT id, cloud_id, created, kind, parameters, state, phase, progress, phase_seconds, attempt, \
          lease, lease_until, process_id, cancel_requested, started, finished, report, failure FROM today.jobs",
-        "INSERT INTO bases SELECT * FROM today.bases",
+        "INSERT INTO bases SELECT job_id, idx, NULL, 0.0, 0.0, digest FROM today.bases",
         "INSERT INTO basis_chunks SELECT * FROM today.basis_chunks",
         "INSERT INTO arrays SELECT * FROM today.arrays",
         "INSERT INTO array_chunks SELECT * FROM today.array_chunks",

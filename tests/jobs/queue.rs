@@ -49,6 +49,7 @@ async fn a_heartbeat_stores_phase_and_progress_and_progress_does_not_fall() {
         phase: Phase::Assembly,
         progress,
         phase_seconds: vec![(Phase::Preparation, 0.25), (Phase::Assembly, 2.0)],
+        memory: 1,
     };
     for (sent, stored) in [(0.5, 0.5), (0.4, 0.5), (7.0, 1.0)] {
         assert_eq!(store.heartbeat(&claim, &beat(sent)).await.unwrap(), Heartbeat::Continue);

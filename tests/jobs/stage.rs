@@ -10,8 +10,8 @@ use chladni::operator::OperatorKind;
 use chladni::progress::Phase;
 use chladni::spectrum::{Certificates, Method, MissedCheck, Spectrum};
 use chladni::store::{
-    ArrayName, BasisValues, Claim, Clock, JobRecord, JobState, Milliseconds, Numbers, Store, StoreError,
-    StoreSettings, StoredCoefficients, Vitals,
+    ArrayName, BasisValues, Claim, Clock, JobRecord, JobState, Milliseconds, Numbers, Owner, Store,
+    StoreError, StoreSettings, StoredCoefficients, Vitals,
 };
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, SqliteConnection};
@@ -28,7 +28,11 @@ pub(crate) struct Stage {
 
 impl Stage {
     pub(crate) fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap(), clock: Arc::new(AtomicI64::new(1_000_000)) }
+        Self::within(tempfile::tempdir().unwrap())
+    }
+
+    pub(crate) fn within(folder: TempDir) -> Self {
+        Self { folder, clock: Arc::new(AtomicI64::new(1_000_000)) }
     }
 
     pub(crate) fn path(&self) -> std::path::PathBuf {
@@ -93,6 +97,17 @@ impl Stage {
 pub(crate) fn cloud(n: usize, seed: u32) -> PointCloud {
     let coordinates = (0..3 * n).map(|i| (i as f64 * 0.37 + f64::from(seed)).sin()).collect();
     PointCloud::new(3, coordinates, NonFinite::Reject).unwrap()
+}
+
+/// Submits for an owner.
+pub(crate) async fn submit_for(
+    store: &Store,
+    owner: &Owner,
+    cloud: PointCloud,
+    bases: usize,
+) -> Result<JobRecord, StoreError> {
+    let job = Some((JobKind::Eigen, parameters(bases)));
+    Ok(store.submit_shared(owner, Arc::new(cloud), job).await?.job.unwrap())
 }
 
 pub(crate) fn parameters(bases: usize) -> Parameters {
@@ -175,17 +190,12 @@ pub(crate) fn matrix(n: usize) -> SparseMatrix {
 }
 
 pub(crate) fn vitals() -> Vitals {
-    Vitals { phase: Phase::Certificates, progress: 0.97, phase_seconds: vec![(Phase::Eigenpairs, 1.5)] }
+    let phase_seconds = vec![(Phase::Eigenpairs, 1.5)];
+    Vitals { phase: Phase::Certificates, progress: 0.97, phase_seconds, memory: 0 }
 }
 
 pub(crate) fn basis_values(n: usize, j: usize) -> BasisValues {
-    BasisValues {
-        index: j,
-        eigenvalue: Some(j as f64 * 1.1),
-        raw_eigenvalue: j as f64,
-        residual: j as f64 * 1e-9,
-        values: basis(n, j),
-    }
+    BasisValues { index: j, values: basis(n, j) }
 }
 
 /// Stores what a worker would store for this claim, and ends it.

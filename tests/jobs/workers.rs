@@ -44,7 +44,7 @@ impl Results for Made {
     }
 }
 
-fn made(n: usize, bases: usize) -> Box<dyn Results> {
+pub(crate) fn made(n: usize, bases: usize) -> Box<dyn Results> {
     Box::new(Made { report: report(n, bases), n })
 }
 
@@ -60,7 +60,7 @@ pub(crate) fn succeeding() -> Arc<Analyze> {
 }
 
 /// An analysis that does `turn`, which is told how many there were before.
-fn counted(
+pub(crate) fn counted(
     turn: impl Fn(u32, &PointCloud, &Progress) -> Result<Box<dyn Results>, AnalysisError> + Send + Sync + 'static,
 ) -> (Arc<Analyze>, Arc<AtomicU32>) {
     let turns = Arc::new(AtomicU32::new(0));

@@ -15,7 +15,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{ConnectOptions, SqliteConnection};
 use uuid::Uuid;
 
-use crate::process::{Process, sphere, submit};
+use crate::process::{Process, number, sphere, submit};
 
 /// Clouds that every round submits.
 const SUBMISSIONS: usize = 3;
@@ -46,10 +46,6 @@ enum Moment {
     /// As soon as the write-ahead log has been written to so often, or has not for a while: within a transaction, or while
     /// it is committed.
     Writing(usize),
-}
-
-fn number(variable: &str, otherwise: u64) -> u64 {
-    std::env::var(variable).map_or(otherwise, |text| text.parse().unwrap())
 }
 
 async fn open(database: &Path) -> SqliteConnection {

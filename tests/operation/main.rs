@@ -5,6 +5,7 @@
 mod backup;
 mod cancel;
 mod crashes;
+mod files;
 mod load;
 mod logs;
 mod memory;

@@ -112,3 +112,8 @@ pub(crate) fn sphere(points: usize) -> Vec<u8> {
     write(&cloud, Format::Npy, &mut bytes).unwrap();
     bytes
 }
+
+/// A number from the environment.
+pub(crate) fn number(variable: &str, otherwise: u64) -> u64 {
+    std::env::var(variable).map_or(otherwise, |text| text.parse().unwrap())
+}

@@ -127,6 +127,14 @@ pub(crate) struct LimitsView {
     bases_max: usize,
     /// Jobs that wait.
     queue_max: u64,
+    /// Jobs of one key that wait; null for as many as may wait in all.
+    queue_max_per_key: Option<u64>,
+    /// Bytes that the clouds and results of one key take; null for no limit.
+    stored_bytes_max_per_key: Option<u64>,
+    /// Bytes beyond which the database file does not grow; null for as many as the disk has.
+    database_bytes_max: Option<u64>,
+    /// Seconds that one attempt at a job may take.
+    job_seconds: u64,
     /// Jobs that run at one time.
     jobs_at_once: usize,
     /// Bytes of memory that the analyses running at one time may be estimated to take.
@@ -238,6 +246,10 @@ impl From<&Limits> for LimitsView {
             faces_max: limits.reader.faces_max,
             bases_max: limits.bases_max,
             queue_max: limits.queue_max,
+            queue_max_per_key: limits.queue_max_per_key,
+            stored_bytes_max_per_key: limits.stored_bytes_max_per_key,
+            database_bytes_max: limits.database_bytes_max,
+            job_seconds: limits.job_time.as_secs(),
             jobs_at_once: limits.jobs_at_once,
             memory_budget_bytes: limits.memory_budget,
             disk_floor_bytes: limits.disk_floor,

@@ -1,6 +1,7 @@
 //! `GET /jobs/{id}/events`: a job's state and progress as they change.
 
 use std::convert::Infallible;
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::{Path, State};
@@ -9,6 +10,7 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
 use sha2::{Digest, Sha256};
+use tokio::sync::watch;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
@@ -68,11 +70,12 @@ pub(crate) async fn events(
     Nothing::read(&uri)?;
     let id = parse_id(&id)?;
     let known = headers.get("last-event-id").and_then(|value| value.to_str().ok()).map(str::to_owned);
-    let job = service.store.job(id).await?;
+    let jobs = service.store.follow(id).await?;
+    let job = Arc::clone(&jobs.borrow());
     if job.state.is_terminal() && known.as_deref() == Some(name(&job).as_str()) {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let follow = Follow { service, id, known, has_ended: false };
+    let follow = Follow { service, jobs, known, has_ended: false };
     let stream = stream::unfold(follow, |mut follow| async {
         let event = follow.next().await?;
         Some((Ok::<Event, Infallible>(event), follow))
@@ -89,7 +92,7 @@ fn name(job: &JobRecord) -> String {
 
 struct Follow {
     service: Shared,
-    id: Uuid,
+    jobs: watch::Receiver<Arc<JobRecord>>,
     known: Option<String>,
     has_ended: bool,
 }
@@ -97,10 +100,8 @@ struct Follow {
 impl Follow {
     /// The next event; `None` after the job's end, when the job is deleted, and when the service stops.
     async fn next(&mut self) -> Option<Event> {
-        let mut changes = self.service.store.changes();
         while !self.has_ended {
-            changes.mark_unchanged();
-            let job = self.service.store.job(self.id).await.ok()?;
+            let job = Arc::clone(&self.jobs.borrow_and_update());
             let name = name(&job);
             if self.known.as_ref() != Some(&name) {
                 self.has_ended = job.state.is_terminal();
@@ -113,7 +114,7 @@ impl Follow {
                 return None;
             }
             tokio::select! {
-                _ = changes.changed() => {}
+                changed = self.jobs.changed() => changed.ok()?,
                 () = self.service.stopping.cancelled() => return None,
             }
         }

@@ -49,7 +49,7 @@ pub(crate) async fn readyz(State(service): State<Shared>) -> Result<Json<Health>
         tracing::error!("a worker died");
         return Err(not_ready("workers", "a worker died; the service needs to be started again"));
     }
-    match service.store.refuse_when_disk_full() {
+    match service.store.refuse_when_disk_full().await {
         Ok(()) => {}
         Err(StoreError::StorageFull) => {
             return Err(not_ready("disk", "less space is free on the disk than must stay so"));

@@ -91,11 +91,15 @@ impl HttpBody for Counted {
 pub(crate) async fn metrics(State(service): State<Shared>) -> Result<Response, Problem> {
     let counted = service.store.jobs_by_state().await?;
     let jobs = STATES.map(|state| (state.name(), counted.get(&state).copied().unwrap_or(0)));
+    let space = service.store.space().await?;
     let levels = Levels {
         jobs: jobs.to_vec(),
         job_memory: service.jobs.memory_taken(),
         body_memory: service.memory.taken(),
-        disk_free: service.store.disk_free()?,
+        oldest_queued_seconds: service.store.oldest_queued_seconds().await?,
+        disk_free: space.disk_free,
+        database_file: space.file,
+        database_free: space.free_pages,
     };
     let text = service.metrics.text(&levels).map_err(|error| Problem::internal(&error))?;
     Ok(([(header::CONTENT_TYPE, metrics::MEDIA_TYPE)], text).into_response())

@@ -326,9 +326,20 @@ impl From<StoreError> for Problem {
                 tracing::error!(%error, "the database cannot grow");
                 Self::new(Kind::StorageFull, "the service has no space left to store this; what it has can be read")
             }
-            StoreError::LostClaim | StoreError::Damaged(_) | StoreError::Database(_) => {
-                Self::internal(&error)
+            StoreError::OwnerQueueFull { .. } => Self::new(Kind::QueueFull, format!("{error}; try again later"))
+                .with_header(header::RETRY_AFTER, retry::QUEUE_SECONDS.to_string()),
+            StoreError::OwnerStorageFull { .. } => {
+                Self::new(Kind::StorageFull, format!("{error}; delete clouds or jobs first"))
             }
+            StoreError::Busy => {
+                tracing::warn!("the database was busy for too long");
+                Self::new(Kind::Unavailable, "the database is busy; try again")
+                    .with_header(header::RETRY_AFTER, retry::BUSY_SECONDS.to_string())
+            }
+            StoreError::LostClaim
+            | StoreError::InUse { .. }
+            | StoreError::Damaged(_)
+            | StoreError::Database(_) => Self::internal(&error),
         }
     }
 }

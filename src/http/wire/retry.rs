@@ -4,5 +4,7 @@
 pub(crate) const JOB_SECONDS: u64 = 1;
 /// A request that found no memory beside the others.
 pub(crate) const MEMORY_SECONDS: u64 = 5;
+/// A request that met a busy database.
+pub(crate) const BUSY_SECONDS: u64 = 5;
 /// A submission that met a full queue.
 pub(crate) const QUEUE_SECONDS: u64 = 10;

@@ -1,0 +1,32 @@
+//! `chladni compact`: the database without the space of deleted data, while no service runs.
+
+use std::path::PathBuf;
+
+use chladni::app::compact;
+
+use super::{Failure, block_on};
+
+/// Rewrite the database without the space of deleted data. The service must be stopped, and the disk must have room for
+/// the new file beside the old one.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CompactArgs {
+    /// File of the database.
+    #[arg(long, env = "CHLADNI_DATABASE", value_name = "FILE", default_value = "chladni.db")]
+    database: PathBuf,
+}
+
+/// Compacts the database.
+///
+/// # Errors
+/// [`Failure`]: no database there, one that is served, or a full disk; the file is as it was then.
+#[allow(clippy::print_stdout)] // tells what was done
+pub(crate) fn run(args: &CompactArgs) -> Result<(), Failure> {
+    if !args.database.is_file() {
+        return Err(Failure::Input(format!("there is no database at {}", args.database.display())));
+    }
+    let size = || std::fs::metadata(&args.database).map(|file| file.len()).map_err(Failure::other);
+    let before = size()?;
+    block_on(compact(&args.database))?;
+    println!("{}: {before} bytes before, {} bytes now", args.database.display(), size()?);
+    Ok(())
+}
