@@ -31,8 +31,8 @@ const DENSE_BYTES: u64 = 3 * 8;
 /// Peak bytes of an analysis of `points` rows with `dimension` coordinates and `faces` triangles.
 ///
 /// At most 30 % above the peaks that were measured of whole processes for surfaces (the test below has them). It knows
-/// nothing of the cloud's shape: where a matrix or its factor turns out to be larger, the analysis asks for the difference
-/// before it takes it ([`Progress::afford`](crate::progress::Progress::afford)).
+/// nothing of the cloud's shape: where a matrix turns out to be larger, the analysis asks for the difference before it
+/// takes it ([`Progress::afford`](crate::progress::Progress::afford)).
 #[must_use]
 pub fn memory_estimate(
     points: u64,

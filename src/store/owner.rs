@@ -68,11 +68,12 @@ const ADOPTION: [&str; 2] = [
 ];
 
 /// What is left of the old owner's then.
-const TIDYING: [&str; 3] = [
+const TIDYING: [&str; 4] = [
     "UPDATE OR IGNORE jobs SET cloud_id = (\
          SELECT own.id FROM clouds own JOIN clouds old ON old.digest = own.digest \
          WHERE own.owner = ?2 AND old.id = jobs.cloud_id) \
      WHERE state <> 'running' AND cloud_id IN (SELECT id FROM clouds WHERE owner = ?1)",
     "UPDATE OR IGNORE idempotency_keys SET owner = ?2 WHERE owner = ?1",
+    "DELETE FROM turns WHERE owner = ?1 AND ?2 <> ?1",
     "DELETE FROM clouds WHERE owner = ?1 AND ?2 <> ?1 AND id NOT IN (SELECT cloud_id FROM jobs)",
 ];
