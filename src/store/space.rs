@@ -75,6 +75,7 @@ impl Store {
         if self.disk.free()? >= self.disk.floor || self.space().await?.room() >= self.disk.floor {
             return Ok(());
         }
+        self.last_commit.forget();
         Err(StoreError::StorageFull)
     }
 

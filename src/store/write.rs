@@ -27,6 +27,11 @@ impl LastCommit {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = committed;
     }
 
+    /// Something was refused for want of room: whether a write succeeds must be tried anew.
+    pub(super) fn forget(&self) {
+        self.set(None);
+    }
+
     fn is_recent(&self) -> bool {
         let last = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         last.is_some_and(|committed| committed.elapsed() < RECENT)

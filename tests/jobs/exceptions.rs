@@ -140,9 +140,11 @@ async fn a_job_that_takes_longer_than_it_may_fails_for_that_and_the_next_runs() 
     let stage = Stage::new();
     let store = stage.open().await;
     let (analyze, _) = counted(|turn, cloud, progress| {
-        while turn == 0 {
-            progress.checkpoint()?;
-            std::thread::yield_now();
+        if turn == 0 {
+            loop {
+                progress.checkpoint()?;
+                std::thread::yield_now();
+            }
         }
         if turn > 1 {
             return Err(AnalysisError::Cloud("there were two jobs".to_owned()));

@@ -26,6 +26,7 @@ impl SmallDisk {
             .output()
             .is_ok_and(|output| output.status.success());
         if !mounted {
+            #[allow(clippy::print_stdout)] // a skipped test must say so
             println!("skipped: only root can mount a small disk");
         }
         mounted.then(|| Self(folder.to_path_buf()))
@@ -123,7 +124,7 @@ async fn a_full_disk_ends_nothing_for_good_whatever_is_being_written() {
                 assert!(matches!(refused, Err(StoreError::StorageFull)), "{deed:?}, {floor}: {refused:?}");
             }
             assert!(store.job(scene.waiting).await.is_ok(), "what is there is read");
-            assert!(store.probe().await.is_err(), "it does not call itself ready");
+            assert!(store.probe().await.is_err(), "it calls itself ready: {deed:?}, {floor}");
             std::fs::remove_file(ballast).unwrap();
             store.probe().await.unwrap();
             scene.act(&store, deed).await.unwrap();
