@@ -103,7 +103,7 @@ pub(super) fn basis_chunk_points(bases: usize) -> usize {
     let bytes = size_of::<f64>() * power;
     let content = match bytes / PAGE_BYTES {
         0 => (PAGE_BYTES - PAGE_HEAD) / (PAGE_BYTES / bytes),
-        pages => bytes - PAGE_HEAD - PAGE_LINK * (pages - 1),
+        pages => bytes - PAGE_HEAD - PAGE_LINK * pages,
     };
     ((content - CHUNK_ROW_BYTES) / size_of::<f64>()).max(BASIS_CHUNK_POINTS_MIN)
 }

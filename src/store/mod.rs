@@ -7,6 +7,7 @@
 //! away, because a handler's future is dropped when its client disconnects.
 
 mod arrays;
+mod claims;
 mod clouds;
 mod coefficients;
 mod content;

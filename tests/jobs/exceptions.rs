@@ -111,17 +111,18 @@ async fn an_innocent_job_beside_one_that_kills_the_process_never_fails() {
         let jobs = Jobs::start(store.clone(), compute.clone(), analyze, settings).await.unwrap();
         loop {
             let states = [poison, innocent].map(|id| store.job(id));
-            let [poison, innocent] = futures_util::future::join_all(states).await.try_into().unwrap();
-            let (poison, innocent) = (poison.unwrap().state, innocent.unwrap().state);
-            if poison.is_terminal() && innocent.is_terminal() {
+            let [of_poison, of_innocent] = futures_util::future::join_all(states).await.try_into().unwrap();
+            let (of_poison, of_innocent) = (of_poison.unwrap().state, of_innocent.unwrap().state);
+            if of_poison.is_terminal() && of_innocent.is_terminal() {
                 break;
             }
-            if poison == JobState::Running {
+            if of_poison == JobState::Running {
                 // Both that may run do.
                 tokio::time::sleep(Duration::from_millis(30)).await;
                 break;
             }
-            if gate.begun.try_recv().is_ok() {
+            // It may have begun since its state was read; then it must not be let go.
+            if gate.begun.try_recv().is_ok() && store.job(poison).await.unwrap().state != JobState::Running {
                 gate.let_go.send(()).unwrap();
             }
             tokio::time::sleep(Duration::from_millis(2)).await;

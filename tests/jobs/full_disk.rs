@@ -19,6 +19,7 @@ const LARGE: usize = 40_000;
 struct SmallDisk(PathBuf);
 
 impl SmallDisk {
+    #[allow(clippy::print_stdout)] // a skipped test must say so
     fn mount(folder: &Path, bytes: u64) -> Option<Self> {
         let mounted = Command::new("mount")
             .args(["-t", "tmpfs", "-o", &format!("size={bytes}"), "tmpfs"])
@@ -26,7 +27,6 @@ impl SmallDisk {
             .output()
             .is_ok_and(|output| output.status.success());
         if !mounted {
-            #[allow(clippy::print_stdout)] // a skipped test must say so
             println!("skipped: only root can mount a small disk");
         }
         mounted.then(|| Self(folder.to_path_buf()))
