@@ -35,7 +35,7 @@ fn geometry(criterion: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements(POINTS as u64));
     group.bench_function("points in order", |b| b.iter(|| Points::prepare(&cloud, 2)));
     let points = Points::prepare(&cloud, 2).expect("the cloud is a surface");
-    group.bench_function("nearest neighbours", |b| {
+    group.bench_function("nearest neighbors", |b| {
         b.iter(|| NearestNeighbors::find(&SearchTree::new(&points), &points, 20, &progress));
     });
     group.finish();

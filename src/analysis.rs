@@ -121,7 +121,7 @@ const COMPONENT_MIN: usize = POINTS_MIN;
 /// A residual this many times the tolerance is no result.
 const RESIDUAL_EXCESS_MAX: f64 = 10.0;
 
-/// (k+1)-th over k-th principal variance of the neighbourhoods from which on the caller is warned. On a surface noise of
+/// (k+1)-th over k-th principal variance of the neighborhoods from which on the caller is warned. On a surface noise of
 /// half a spacing gives about 0.15, a volume more than 0.5.
 const THICKNESS_WARNED: f64 = 0.25;
 
@@ -341,18 +341,18 @@ fn first_eigenvalue(report: &Report, plateau: Option<f64>) -> f64 {
     }
 }
 
-/// Says when the neighbourhoods do not look like those of a k-manifold.
+/// Says when the neighborhoods do not look like those of a k-manifold.
 fn warnings_of_dimension(frames: &Frames) -> Vec<String> {
     let (k, estimate) = (frames.intrinsic(), frames.dimension_estimate());
     let mut warnings = Vec::new();
     if estimate != k {
         warnings.push(format!(
-            "most neighbourhoods look {estimate}-dimensional, the analysis takes the points for samples of a \
+            "most neighborhoods look {estimate}-dimensional, the analysis takes the points for samples of a \
              {k}-dimensional manifold (`dimension`)"
         ));
     } else if frames.thickness() > THICKNESS_WARNED {
         warnings.push(format!(
-            "the neighbourhoods are hardly flat (their principal variance number {} is {:.0} % of the one before): the \
+            "the neighborhoods are hardly flat (their principal variance number {} is {:.0} % of the one before): the \
              points do not sample a {k}-dimensional manifold, or their noise is as large as their spacing",
             k + 1,
             100.0 * frames.thickness()

@@ -53,9 +53,9 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Show a scan and its modes in a browser
     View(view::ViewArgs),
-    /// Analyse a point cloud and write the results into a directory
+    /// Analyze a point cloud and write the results into a directory
     Analyze(Box<analyze::AnalyzeArgs>),
-    /// Filter the coordinates of an analysed cloud, or some of its fields
+    /// Filter the coordinates of an analyzed cloud, or some of its fields
     Filter(harmonics::FilterArgs),
     /// Transform coordinates and fields, or functions of your own, into coefficients
     Coefficients(harmonics::CoefficientsArgs),

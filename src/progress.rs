@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub enum Phase {
     /// Merging duplicates, recentring, ordering the points along a space-filling curve.
     Preparation,
-    /// Nearest neighbours and tangent frames.
+    /// Nearest neighbors and tangent frames.
     Neighborhoods,
     /// Voronoi cells in the tangent planes.
     Cells,

@@ -14,13 +14,13 @@ use crate::operator::{
 };
 use crate::progress::Progress;
 
-/// Most neighbours within δ that an operator may couple per point, on average.
+/// Most neighbors within δ that an operator may couple per point, on average.
 const COUPLED_MAX: usize = 2_000;
 
 /// Fewer entries than this, 2.4 GB of them, are assembled however many there are per point.
 const ENTRIES_MAX: usize = 200_000_000;
 
-/// Points whose neighbours are counted before the operator is assembled.
+/// Points whose neighbors are counted before the operator is assembled.
 const COUNTED: usize = 256;
 
 /// The measured cloud.
@@ -118,7 +118,7 @@ fn oriented(surface: &Surface<'_>, frames: Frames, walls: &Sparse, warnings: &mu
     sheets
 }
 
-/// Where `pcd` looks for neighbours. Its authors' program finds planes of its own, which are not oriented.
+/// Where `pcd` looks for neighbors. Its authors' program finds planes of its own, which are not oriented.
 fn planes(
     surface: &Surface<'_>,
     frames: Frames,
@@ -188,7 +188,7 @@ fn check_coupling(
         return Err(AnalysisError::Parameter {
             name: "delta",
             reason: format!(
-                "the cut-off radius {:.4e} couples {mean} neighbours per point; at most {COUPLED_MAX} are coupled in a \
+                "the cut-off radius {:.4e} couples {mean} neighbors per point; at most {COUPLED_MAX} are coupled in a \
                  cloud of this size: choose a smaller `delta` or `t`",
                 delta * points.unit()
             ),

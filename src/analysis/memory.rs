@@ -6,7 +6,7 @@ use crate::spectrum::dense::is_dense;
 use crate::spectrum::shift_invert::krylov_vectors_at_end;
 use crate::spectrum::slicing::{SLICE, vectors_held};
 
-/// Bytes per point of everything that does not grow with bases: the points twice, 20 neighbours, tree, frames, cells.
+/// Bytes per point of everything that does not grow with bases: the points twice, 20 neighbors, tree, frames, cells.
 const GEOMETRY_BYTES: u64 = 1_100;
 /// Bytes per point that a kernel operator adds: its rows, and while it is factored hundreds of entries of the factor in
 /// single precision.

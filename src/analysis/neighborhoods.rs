@@ -1,4 +1,4 @@
-//! The points that are computed on, and their neighbours: repetitions merged, noise smoothed.
+//! The points that are computed on, and their neighbors: repetitions merged, noise smoothed.
 
 use super::{AnalysisError, Parameters};
 use crate::geometry::near::Repetitions;
@@ -9,7 +9,7 @@ use crate::geometry::{NearestNeighbors, Points, SearchTree};
 use crate::operator::OperatorKind;
 use crate::progress::Progress;
 
-/// Nearest neighbours looked up for every point: planes from all of them, most cells from the first ten.
+/// Nearest neighbors looked up for every point: planes from all of them, most cells from the first ten.
 const NEIGHBORS: usize = 20;
 
 /// Times that repetitions are looked for: frames of which more than 20 overlap take more than one.
@@ -36,7 +36,7 @@ impl Neighborhoods {
         Ok(Self { points, tree, nearest, merged: 0, noise: 0.0 })
     }
 
-    /// Looks up the neighbours of all points; of those that repeat one another one is left, and noisy ones are moved
+    /// Looks up the neighbors of all points; of those that repeat one another one is left, and noisy ones are moved
     /// onto the surface through their middle, where the parameters leave room for additions.
     pub(super) fn find(
         points: Points,

@@ -52,7 +52,7 @@ pub struct Parameters {
     pub isometric_cells: Option<bool>,
     /// Make up for the Gaussian's share beyond the cut-off.
     pub truncation_compensation: Option<bool>,
-    /// Couple only neighbours on the same sheet of the surface.
+    /// Couple only neighbors on the same sheet of the surface.
     pub sheet_aware: Option<bool>,
     /// Measure distances in the kernel along the surface; needs `isometric_cells`.
     pub surface_distances: Option<bool>,
@@ -71,11 +71,11 @@ const APPLIED_T: f64 = 0.15;
 /// Its `δ/√(2t)`: its rows are long, and the compensation makes up for the cut.
 const APPLIED_DELTA_FACTOR: f64 = 3.0;
 
-/// Most neighbours of its rows, and most entries of its matrix.
+/// Most neighbors of its rows, and most entries of its matrix.
 const APPLIED_NEIGHBORS: f64 = 800.0;
 const APPLIED_ENTRIES: f64 = 4e7;
 
-/// Largest factor of a length: beyond it a kernel is flat over any cloud that can be analysed.
+/// Largest factor of a length: beyond it a kernel is flat over any cloud that can be analyzed.
 const FACTOR_MAX: f64 = 1e6;
 
 impl Default for Parameters {
@@ -201,7 +201,7 @@ impl Parameters {
         }
         let factor = self.delta_factor.unwrap_or(APPLIED_DELTA_FACTOR);
         let neighbors = APPLIED_NEIGHBORS.min(APPLIED_ENTRIES / points as f64);
-        // π δ²/h² neighbours with δ² = 2t·factor²
+        // π δ²/h² neighbors with δ² = 2t·factor²
         let most = neighbors * sampling.spacing.powi(2) / (2.0 * std::f64::consts::PI * factor * factor);
         let smooth = APPLIED_T * sampling.epsilon.powf(4.0 / 3.0) * sampling.area.cbrt();
         let least = pb_mhb::t_factor(2, true) * sampling.epsilon.powi(2);
@@ -251,7 +251,7 @@ pub struct Additions {
     pub isometric_cells: bool,
     /// Make up for the Gaussian's share beyond the cut-off.
     pub truncation_compensation: bool,
-    /// Couple only neighbours on the same sheet of the surface.
+    /// Couple only neighbors on the same sheet of the surface.
     pub sheet_aware: bool,
     /// Measure distances in the kernel along the surface.
     #[serde(default)]

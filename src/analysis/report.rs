@@ -7,7 +7,7 @@ use crate::geometry::Sampling;
 use crate::operator::{HeatKernel, OperatorKind};
 use crate::spectrum::Spectrum;
 
-/// What an analysis found out, without its arrays. Serialised as it is shown.
+/// What an analysis found out, without its arrays. Serialized as it is shown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 pub struct Report {
@@ -20,7 +20,7 @@ pub struct Report {
     pub ambient_dimension: usize,
     /// Intrinsic dimension k that the operator was built for.
     pub dimension: usize,
-    /// Intrinsic dimension that most neighbourhoods look like: the number of principal variances before the first that
+    /// Intrinsic dimension that most neighborhoods look like: the number of principal variances before the first that
     /// is less than a fifth of the one before.
     #[serde(default)]
     pub dimension_estimate: usize,
@@ -30,7 +30,7 @@ pub struct Report {
     pub duplicates: usize,
     /// Rows with a non-finite coordinate.
     pub nonfinite: usize,
-    /// Points in components too small to analyse; they carry no result.
+    /// Points in components too small to analyze; they carry no result.
     pub isolated: usize,
     /// Connected components of the operator's graph.
     pub components: usize,
@@ -42,7 +42,7 @@ pub struct Report {
     pub additions: Additions,
     /// Stored entries of the stiffness matrix.
     pub nonzeros: usize,
-    /// Mean number of coupled neighbours per point.
+    /// Mean number of coupled neighbors per point.
     pub neighbors: f64,
     /// What the caller should know before trusting the result.
     pub warnings: Vec<String>,

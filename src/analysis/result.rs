@@ -15,14 +15,14 @@ pub struct Analysis {
     /// Everything but the arrays.
     pub report: Report,
     pub(super) points: Points,
-    /// For every point its place among those analysed, or [`NO_PLACE`].
+    /// For every point its place among those analyzed, or [`NO_PLACE`].
     pub(super) place: Vec<u32>,
     pub(super) mass: Vec<f64>,
     pub(super) stiffness: Option<Sparse>,
     pub(super) eigenbasis: Option<Eigenbasis>,
 }
 
-/// Marks a point in a component too small to analyse.
+/// Marks a point in a component too small to analyze.
 pub(super) const NO_PLACE: u32 = u32::MAX;
 
 /// A sparse matrix in rows of the upload, compressed by rows, columns ascending.
@@ -104,7 +104,7 @@ impl SparseMatrix {
 }
 
 impl Analysis {
-    /// Place of a row's point among those analysed.
+    /// Place of a row's point among those analyzed.
     fn place_of_row(&self, row: usize) -> Option<usize> {
         let place = self.place[self.points.of_row(row)?];
         (place != NO_PLACE).then_some(place as usize)

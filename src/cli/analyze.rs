@@ -17,7 +17,7 @@ use super::interrupt::Interrupt;
 use super::reporting::Reporting;
 use super::{Failure, output};
 
-/// Analyse a point cloud and write the results into a directory.
+/// Analyze a point cloud and write the results into a directory.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AnalyzeArgs {
     /// Point cloud: PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57; `-` reads standard input
@@ -113,7 +113,7 @@ struct ParameterArgs {
     #[arg(long, value_name = "BOOL")]
     truncation_compensation: Option<bool>,
 
-    /// Couple only neighbours on the same sheet of the surface
+    /// Couple only neighbors on the same sheet of the surface
     #[arg(long, value_name = "BOOL")]
     sheet_aware: Option<bool>,
 

@@ -9,7 +9,7 @@ use super::points::{GeometryError, Points};
 use super::polytope::{Corner, Interval, Polygon, Polyhedron, Polytope, dot};
 use crate::progress::Progress;
 
-/// Neighbours steeper than this against the tangent space (sine of the angle) belong to another sheet.
+/// Neighbors steeper than this against the tangent space (sine of the angle) belong to another sheet.
 const STEEPNESS_MAX: f64 = 0.8;
 
 /// Points handled between two looks at the progress.
@@ -18,19 +18,19 @@ const BATCH: usize = 16_384;
 /// How cells are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CellOptions {
-    /// Scale every projected neighbour back to its true distance: projecting shortens lengths, so that areas come out
+    /// Scale every projected neighbor back to its true distance: projecting shortens lengths, so that areas come out
     /// O(h²) too small. Ours; the papers only project.
     pub isometric: bool,
     /// Cut open cells along the rim of the surface; otherwise they are invalid, as in [PBMHB §5.6].
     pub clip_rims: bool,
-    /// Leave out neighbours that lie steeply above or below the tangent plane.
+    /// Leave out neighbors that lie steeply above or below the tangent plane.
     pub sheet_aware: bool,
 }
 
 /// What a cell is worth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CellKind {
-    /// Bounded by neighbours all around.
+    /// Bounded by neighbors all around.
     Closed,
     /// Open; measured inside the simplices of the local Delaunay triangulation.
     Rim,
@@ -47,8 +47,8 @@ pub struct Cells {
     pub radius: Vec<f64>,
     /// What the cell is worth.
     pub kind: Vec<CellKind>,
-    /// Neighbours with the volume of the common facet over the distance (`length^(k−2)`), by index, as seen from this
-    /// point's tangent space; its neighbour may see the facet differently.
+    /// Neighbors with the volume of the common facet over the distance (`length^(k−2)`), by index, as seen from this
+    /// point's tangent space; its neighbor may see the facet differently.
     pub conductance: Vec<Vec<(u32, f64)>>,
 }
 

@@ -6,7 +6,7 @@ use super::orientation::Orientation;
 use super::points::Points;
 use super::polytope::{Corner, Polytope, Site, dot};
 
-/// Nearest neighbours that define the local spacing.
+/// Nearest neighbors that define the local spacing.
 pub(super) const SPACING_NEIGHBORS: usize = 16;
 
 /// Corners farther than this many local spacings are not on the manifold: among Poisson-distributed points of a surface
@@ -16,18 +16,18 @@ const CORNER_RADIUS_MAX: f64 = 2.5;
 /// Planes whose oriented normals are more than 90° apart face away from each other.
 pub(super) const FACING_MIN: f64 = 0.0;
 
-/// Neighbours after which a cell is left as it is: on a manifold a hundred reach across the starting box, so that more
+/// Neighbors after which a cell is left as it is: on a manifold a hundred reach across the starting box, so that more
 /// lie around points that fill more dimensions.
 const CANDIDATES_MAX: usize = 2_000;
 
-/// How neighbours are seen from a point's tangent space.
+/// How neighbors are seen from a point's tangent space.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct View<'a> {
-    /// Scale every projected neighbour back to its true distance.
+    /// Scale every projected neighbor back to its true distance.
     pub(super) isometric: bool,
-    /// Neighbours steeper than this against the tangent space (sine of the angle) are left out.
+    /// Neighbors steeper than this against the tangent space (sine of the angle) are left out.
     pub(super) steepness_max: f64,
-    /// Neighbours of which these planes, as they are oriented, face the other way are left out.
+    /// Neighbors of which these planes, as they are oriented, face the other way are left out.
     pub(super) sides: Option<(&'a Orientation, &'a Frames)>,
 }
 
@@ -50,10 +50,10 @@ impl<'a, P: Default> Clipper<'a, P> {
 }
 
 impl<P> Clipper<'_, P> {
-    /// Makes the cell of point `i`, whose nearest neighbours are `nearest`.
+    /// Makes the cell of point `i`, whose nearest neighbors are `nearest`.
     ///
-    /// Only the nearest few neighbours can bound a cell (Lemma 1.4 of the supplement of [PBMHB]), so clipping by
-    /// bisectors, nearest first, until the next neighbour is farther than twice the farthest corner gives the cell of
+    /// Only the nearest few neighbors can bound a cell (Lemma 1.4 of the supplement of [PBMHB]), so clipping by
+    /// bisectors, nearest first, until the next neighbor is farther than twice the farthest corner gives the cell of
     /// the full diagram.
     pub(super) fn clip<const K: usize>(&mut self, i: usize, nearest: &[u32])
     where

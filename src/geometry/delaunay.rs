@@ -12,10 +12,10 @@ use super::polytope::{determinant, dot};
 /// other shares, so that no two diagonals are alike.
 const SHEAR: f64 = 1e-9;
 
-/// Tetrahedra with less than this share of the volume that their sides could span are too flat for a centre.
+/// Tetrahedra with less than this share of the volume that their sides could span are too flat for a center.
 const FLAT: f64 = 1e-6;
 
-/// Rounding of the centres and radii of others, more than ever occurs.
+/// Rounding of the centers and radii of others, more than ever occurs.
 const SLACK: f64 = 1e-6;
 
 /// Volume of all Delaunay simplices around every site, counting those simplices of which all corners satisfy `counts`.
@@ -135,7 +135,7 @@ fn tetrahedra<const K: usize>(sites: &[[f64; K]], counts: impl Fn(usize) -> bool
     }
 }
 
-/// Centre and radius, a little too large, of the ball around a tetrahedron; none when it is all but flat.
+/// Center and radius, a little too large, of the ball around a tetrahedron; none when it is all but flat.
 fn ball_around([origin, ends @ ..]: [[f64; 3]; 4]) -> Option<([f64; 3], f64)> {
     let rows = ends.map(|end| difference(&end, &origin));
     let whole = determinant(&rows);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn on_a_line_a_point_has_the_stretches_to_both_neighbours() {
+    fn on_a_line_a_point_has_the_stretches_to_both_neighbors() {
         assert_eq!(around(&[[0.0], [3.0], [1.0], [-2.0]], |_| true), [3.0, 2.0, 3.0, 2.0]);
         assert_eq!(around(&[[0.0], [3.0], [1.0], [-2.0]], |i| i != 3), [1.0, 2.0, 3.0, 0.0]);
     }

@@ -15,7 +15,7 @@ pub const INTRINSIC_MAX: usize = 3;
 /// Bound on the QR sweeps of a 3×3 to 8×8 eigenproblem; they take fewer than 10 as a rule.
 const SWEEPS_MAX: usize = 1_000;
 
-/// A principal variance this many times the next ends the tangent space: neighbourhoods of 20 points on a surface
+/// A principal variance this many times the next ends the tangent space: neighborhoods of 20 points on a surface
 /// have ratios below 4 along it and far above across it, unless their noise is as large as their spacing.
 const GAP: f64 = 5.0;
 
@@ -28,13 +28,13 @@ pub struct Frames {
     pub(super) intrinsic: usize,
     /// `n × k × d`.
     pub(super) tangents: Vec<f64>,
-    /// Nearest neighbours that each plane was laid through; empty when all have the same number.
+    /// Nearest neighbors that each plane was laid through; empty when all have the same number.
     pub(super) counts: Vec<u32>,
     thickness: f64,
     dimension_estimate: usize,
 }
 
-/// What the principal variances of one neighbourhood say.
+/// What the principal variances of one neighborhood say.
 struct Spread {
     /// The (k+1)-th over the k-th principal variance.
     thickness: f64,
@@ -42,11 +42,11 @@ struct Spread {
     dimension: usize,
 }
 
-/// Tangent spaces of dimension `intrinsic` through every point by PCA of its nearest neighbours.
+/// Tangent spaces of dimension `intrinsic` through every point by PCA of its nearest neighbors.
 ///
 /// The papers state a 2-approximation of the best plane for the proof and use PCA through the point in their own
 /// experiments [PCD §4]. They take a ball of radius 10ε, which on scans spans whole features: we take the nearest
-/// neighbours.
+/// neighbors.
 ///
 /// # Errors
 /// [`GeometryError::Canceled`].
@@ -86,7 +86,7 @@ pub fn frames(
     })
 }
 
-/// Writes the leading principal axes of the neighbours' offsets from point `i` into `frame`.
+/// Writes the leading principal axes of the neighbors' offsets from point `i` into `frame`.
 fn principal_axes(points: &Points, i: usize, neighbors: &[u32], frame: &mut [f64]) -> Spread {
     let d = points.dimension();
     let intrinsic = frame.len() / d;
@@ -190,14 +190,14 @@ impl Frames {
         &self.tangents[start..start + self.ambient]
     }
 
-    /// Median of the (k+1)-th over the k-th principal variance of the neighbourhoods: far below 1 on a k-manifold,
+    /// Median of the (k+1)-th over the k-th principal variance of the neighborhoods: far below 1 on a k-manifold,
     /// near 1 when the points fill more dimensions.
     #[must_use]
     pub fn thickness(&self) -> f64 {
         self.thickness
     }
 
-    /// Intrinsic dimension that most neighbourhoods look like: the number of principal variances before the first
+    /// Intrinsic dimension that most neighborhoods look like: the number of principal variances before the first
     /// that falls by more than a factor of 5.
     #[must_use]
     pub fn dimension_estimate(&self) -> usize {

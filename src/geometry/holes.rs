@@ -12,7 +12,7 @@ use super::neighborhoods::NearestNeighbors;
 use super::points::Points;
 use super::stars::Stars;
 
-/// Nearest neighbours whose cells tell the size of an ordinary triangle.
+/// Nearest neighbors whose cells tell the size of an ordinary triangle.
 const AROUND: usize = 16;
 
 /// A triangle spans a gap whose circumradius is this many times that of all but one in a hundred triangles, in units of
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn a_hole_of_six_spacings_stays_open() {
-        // a square of 6 × 6 is missing: 5 × 5 points, whose 24 neighbours around are the rim
+        // a square of 6 × 6 is missing: 5 × 5 points, whose 24 neighbors around are the rim
         let (area, rim) = area_and_rim(&plate(|x, y| (x - 15.0).abs() < 2.5 && (y - 15.0).abs() < 2.5));
         assert!((area - 864.0).abs() < 10.0, "{area}");
         assert!((134..=150).contains(&rim), "{rim}");

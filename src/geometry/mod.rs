@@ -1,4 +1,4 @@
-//! Geometry of the sampled surface: neighbourhoods, tangent frames, Voronoi cells, sampling density.
+//! Geometry of the sampled surface: neighborhoods, tangent frames, Voronoi cells, sampling density.
 //!
 //! Everything here works on [`Points`]: finite, distinct, recentred, and ordered along a space-filling curve.
 

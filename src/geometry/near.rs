@@ -50,7 +50,7 @@ impl Repetitions {
     }
 }
 
-/// Neighbours before the last gap among these ascending squared distances; 0 without a gap.
+/// Neighbors before the last gap among these ascending squared distances; 0 without a gap.
 fn before_gap(squared: impl Iterator<Item = f64>) -> usize {
     let (mut last, mut found) = (None, 0);
     for (count, squared) in squared.enumerate() {

@@ -1,4 +1,4 @@
-//! Nearest-neighbour and ball queries.
+//! Nearest-neighbor and ball queries.
 //!
 //! Ties are broken by (distance, index), so that an answer does not depend on the tree's layout.
 
@@ -134,7 +134,7 @@ fn finish(points: &Points, i: usize, out: &mut Vec<Neighbor>) {
     });
 }
 
-/// The same number of nearest neighbours for every point.
+/// The same number of nearest neighbors for every point.
 #[derive(Debug, Clone)]
 pub struct NearestNeighbors {
     count: usize,
@@ -142,7 +142,7 @@ pub struct NearestNeighbors {
 }
 
 impl NearestNeighbors {
-    /// Finds the `count` nearest neighbours of every point (fewer when there are not as many points).
+    /// Finds the `count` nearest neighbors of every point (fewer when there are not as many points).
     ///
     /// # Errors
     /// [`GeometryError::Canceled`].
@@ -169,13 +169,13 @@ impl NearestNeighbors {
         Ok(Self { count, indices })
     }
 
-    /// Neighbours of point `i`, nearest first.
+    /// Neighbors of point `i`, nearest first.
     #[must_use]
     pub fn of(&self, i: usize) -> &[u32] {
         &self.indices[i * self.count..(i + 1) * self.count]
     }
 
-    /// Neighbours per point.
+    /// Neighbors per point.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count

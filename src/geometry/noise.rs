@@ -11,10 +11,10 @@ use super::neighborhoods::{NearestNeighbors, Neighbor, SearchTree};
 use super::points::{GeometryError, Points};
 use crate::progress::Progress;
 
-/// Neighbours of a fit; twice as many where the noise is more than [`STRONG`].
+/// Neighbors of a fit; twice as many where the noise is more than [`STRONG`].
 const NEIGHBORS: usize = 20;
 
-/// Noise over spacing from which on fits take more neighbours.
+/// Noise over spacing from which on fits take more neighbors.
 const STRONG: f64 = 0.3;
 
 /// Share of the points that are taken for the quietest, and how far the deviation of 15 degrees of freedom at that quantile
@@ -32,7 +32,7 @@ const SAMPLES: usize = 2_000;
 /// Noise of points in space about a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
-    /// Standard deviation from a quadratic surface through the neighbours over the local spacing, as it is around the
+    /// Standard deviation from a quadratic surface through the neighbors over the local spacing, as it is around the
     /// quietest points: creases and thin parts are off such surfaces too, noise is everywhere.
     pub share: f64,
 }
@@ -60,7 +60,7 @@ impl Noise {
         Self { share: if share < EVEN_MIN * middle { 0.0 } else { share } }
     }
 
-    /// The points moved onto the quadratic surfaces through their neighbours.
+    /// The points moved onto the quadratic surfaces through their neighbors.
     ///
     /// # Errors
     /// [`GeometryError::Canceled`].
@@ -88,11 +88,11 @@ impl Noise {
     }
 }
 
-/// A quadratic surface through the neighbours of a point.
+/// A quadratic surface through the neighbors of a point.
 struct Fit {
     /// The point of the surface above or below the point.
     foot: [f64; 3],
-    /// Standard deviation of the neighbours.
+    /// Standard deviation of the neighbors.
     deviation: f64,
     /// Local spacing.
     spacing: f64,
@@ -103,7 +103,7 @@ impl Fit {
         self.deviation / self.spacing
     }
 
-    /// Least squares in the principal axes of point `i` and its neighbours; `None` where they do not determine a surface.
+    /// Least squares in the principal axes of point `i` and its neighbors; `None` where they do not determine a surface.
     fn around(points: &Points, i: usize, neighbors: impl Iterator<Item = u32>) -> Option<Self> {
         let p = points.point(i);
         let mut offsets: Vec<[f64; 3]> = vec![[0.0; 3]];

@@ -6,13 +6,13 @@ use rayon::prelude::*;
 use super::{Points, SearchTree};
 use crate::cloud::PointCloud;
 
-/// Neighbours through which a plane is laid where there are no faces.
+/// Neighbors through which a plane is laid where there are no faces.
 const NEIGHBORS: usize = 12;
 
 /// Bound on the QR sweeps of a 3×3 eigenproblem.
 const SWEEPS_MAX: usize = 1_000;
 
-/// Unit normals of a cloud in space, from its faces where it has some, else from the planes through its neighbours, on the
+/// Unit normals of a cloud in space, from its faces where it has some, else from the planes through its neighbors, on the
 /// side of the normals it had. Rows of which nothing can be said keep theirs.
 #[must_use]
 pub fn normals(cloud: &PointCloud, before: &[[f64; 3]]) -> Vec<[f64; 3]> {
@@ -48,7 +48,7 @@ fn of_faces(cloud: &PointCloud) -> Vec<Vector3<f64>> {
     sums
 }
 
-/// Directions of least spread of the nearest neighbours.
+/// Directions of least spread of the nearest neighbors.
 fn of_planes(cloud: &PointCloud) -> Vec<Vector3<f64>> {
     let Ok(points) = Points::prepare(cloud, 2) else { return vec![Vector3::zeros(); cloud.len()] };
     let tree = SearchTree::new(&points);
@@ -57,11 +57,11 @@ fn of_planes(cloud: &PointCloud) -> Vec<Vector3<f64>> {
         .map_init(Vec::new, |neighbors, i| {
             tree.nearest(&points, i, NEIGHBORS, neighbors);
             let position = |j: usize| Vector3::from_iterator(points.point(j).iter().copied());
-            let centre = neighbors.iter().map(|q| position(q.index as usize)).sum::<Vector3<f64>>()
+            let center = neighbors.iter().map(|q| position(q.index as usize)).sum::<Vector3<f64>>()
                 / neighbors.len() as f64;
             let scatter: Matrix3<f64> = neighbors
                 .iter()
-                .map(|q| position(q.index as usize) - centre)
+                .map(|q| position(q.index as usize) - center)
                 .map(|offset| offset * offset.transpose())
                 .sum();
             let eigen = SymmetricEigen::try_new(scatter / scatter.trace(), f64::EPSILON, SWEEPS_MAX);

@@ -6,7 +6,7 @@
 
 use super::frames::Frames;
 
-/// Neighbours whose planes are within 45° of each other can be compared reliably.
+/// Neighbors whose planes are within 45° of each other can be compared reliably.
 const COMPARABLE: f64 = 0.7;
 
 /// Passes in which single points follow the majority around them.
@@ -65,7 +65,7 @@ impl Orientation {
     }
 }
 
-/// Joins patches, each with the neighbour that it has the clearest vote with, until none are left to join.
+/// Joins patches, each with the neighbor that it has the clearest vote with, until none are left to join.
 fn by_patches(n: usize, mut votes: Vec<([u32; 2], f64)>) -> Vec<bool> {
     let mut patches = Patches::new(n);
     while !votes.is_empty() {

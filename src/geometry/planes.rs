@@ -1,4 +1,4 @@
-//! Tangent planes of surfaces: through few neighbours, through more where these lie on a line, then along the triangles
+//! Tangent planes of surfaces: through few neighbors, through more where these lie on a line, then along the triangles
 //! around.
 
 use nalgebra::Vector3;
@@ -9,21 +9,21 @@ use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::points::Points;
 use super::stars::Stars;
 
-/// Neighbours that a plane is laid through at first: about the two rings of its star.
+/// Neighbors that a plane is laid through at first: about the two rings of its star.
 const NEIGHBORS: usize = 10;
 
 /// Most that it is laid through: on scan lines 16 times as far apart as the points on them, five lines.
 const NEIGHBORS_MAX: usize = 160;
 
-/// Neighbourhoods whose second principal variance is less than this share of the first lie on one line of a scanner.
+/// Neighborhoods whose second principal variance is less than this share of the first lie on one line of a scanner.
 const LINE: f64 = 0.1;
 
 impl Frames {
-    /// Replaces the tangent planes by those through the middle of the ten nearest neighbours, near ones weighing more;
+    /// Replaces the tangent planes by those through the middle of the ten nearest neighbors, near ones weighing more;
     /// with `widen`, of twice as many as long as they lie on a line.
     ///
     /// Ours. PCA through the point cannot tell the plane that halves a right-angled crease from the one across: both
-    /// have the same variance. About the middle of the neighbourhood it can. On fandisk the worst error of the
+    /// have the same variance. About the middle of the neighborhood it can. On fandisk the worst error of the
     /// finite-volume operator's first 29 eigenvalues falls from 6 to 0.7 %.
     #[must_use]
     pub fn among_creases(
@@ -64,7 +64,7 @@ impl Frames {
         self
     }
 
-    /// Nearest neighbours that reach over the lines of a scanner around point `i`, at least `least`.
+    /// Nearest neighbors that reach over the lines of a scanner around point `i`, at least `least`.
     #[must_use]
     pub fn reach(&self, i: usize, least: usize) -> usize {
         self.counts.get(i).map_or(least, |&count| least.max(count as usize))
@@ -122,7 +122,7 @@ impl Axes {
     }
 }
 
-/// The principal axes of point `i` and its neighbours about their weighted mean. Weights are `exp(−2r²/R²)`, R the
+/// The principal axes of point `i` and its neighbors about their weighted mean. Weights are `exp(−2r²/R²)`, R the
 /// distance of the farthest.
 fn middle_axes(points: &Points, i: usize, neighbors: &[u32]) -> Option<Axes> {
     let (p, d) = (points.point(i), points.dimension());

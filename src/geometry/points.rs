@@ -74,7 +74,7 @@ fn flat(spanned: usize) -> &'static str {
 pub const POINTS_MIN: usize = 5;
 
 /// Finite, distinct points of `R^d`, recentred to the middle of their bounding box, in Morton order, so that
-/// neighbours in space are neighbours in memory.
+/// neighbors in space are neighbors in memory.
 #[derive(Debug, Clone)]
 pub struct Points {
     dimension: usize,
@@ -105,20 +105,20 @@ impl Points {
         let Some((low, high)) = cloud.bounding_box() else {
             return Err(GeometryError::TooFewPoints { distinct: 0, rows, needed: POINTS_MIN });
         };
-        let centre: Vec<f64> = low.iter().zip(&high).map(|(l, h)| l + 0.5 * (h - l)).collect();
+        let center: Vec<f64> = low.iter().zip(&high).map(|(l, h)| l + 0.5 * (h - l)).collect();
         let extent = low.iter().zip(&high).map(|(l, h)| h - l).fold(0.0, f64::max);
         if extent != 0.0 && !(1e-100..=1e100).contains(&extent) {
             return Err(GeometryError::Extent { extent });
         }
 
         // + 0.0 turns -0 into 0, so that equal positions are equal in the total order too
-        let centred = |row: usize, axis: usize| cloud.point(row)[axis] - centre[axis] + 0.0;
+        let centered = |row: usize, axis: usize| cloud.point(row)[axis] - center[axis] + 0.0;
         let mut order: Vec<(u64, u32)> = (0..rows)
             .into_par_iter()
             .filter(|&row| cloud.point(row).iter().all(|x| x.is_finite()))
-            .map(|row| (morton_key((0..d).map(|axis| centred(row, axis)), extent, d), row as u32))
+            .map(|row| (morton_key((0..d).map(|axis| centered(row, axis)), extent, d), row as u32))
             .collect();
-        let position = |row: u32| (0..d).map(move |axis| centred(row as usize, axis));
+        let position = |row: u32| (0..d).map(move |axis| centered(row as usize, axis));
         order.par_sort_unstable_by(|&(key_a, a), &(key_b, b)| {
             key_a
                 .cmp(&key_b)

@@ -1,6 +1,6 @@
 //! Stars: the Delaunay triangles around every point of a surface.
 //!
-//! Every point sees its neighbours in its own tangent plane and triangulates them there; which triangles there are is
+//! Every point sees its neighbors in its own tangent plane and triangulates them there; which triangles there are is
 //! decided by that view, how large they are by their true sides. A view bends the surface only around its own point,
 //! so that points on both sides of a crease agree on the triangles between them, and areas and cotangents are those
 //! of a mesh through the points.
@@ -17,7 +17,7 @@ use super::points::{GeometryError, Points};
 use super::polytope::{BOX, Polygon};
 use crate::progress::Progress;
 
-/// Neighbours steeper than this against the tangent plane (sine of the angle) belong to another sheet. The faces of a
+/// Neighbors steeper than this against the tangent plane (sine of the angle) belong to another sheet. The faces of a
 /// cube are inclined by asin 0.816 against the plane at its corner.
 const STEEPNESS_MAX: f64 = 0.9;
 
@@ -27,16 +27,16 @@ const LINK_WEIGHT_MIN: f64 = 0.05;
 /// Points handled between two looks at the progress.
 const BATCH: usize = 16_384;
 
-/// A neighbour in a star.
+/// A neighbor in a star.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Spoke {
-    /// Index of the neighbour.
+    /// Index of the neighbor.
     pub neighbor: u32,
-    /// Whether the triangle of the point, this neighbour and the next one lies on the surface.
+    /// Whether the triangle of the point, this neighbor and the next one lies on the surface.
     pub filled: bool,
 }
 
-/// The neighbours around every point of a surface, counter-clockwise in its frame, with the triangles between them.
+/// The neighbors around every point of a surface, counter-clockwise in its frame, with the triangles between them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Stars {
     offsets: Vec<usize>,
@@ -87,7 +87,7 @@ impl Stars {
         View { isometric: true, steepness_max, sides: None }
     }
 
-    /// The stars with those of `again` triangulated anew in their `frames`, of neighbours whose planes face the same way
+    /// The stars with those of `again` triangulated anew in their `frames`, of neighbors whose planes face the same way
     /// where `sides` are known. A star is replaced only where `accept(old, new)`.
     ///
     /// # Errors
@@ -299,7 +299,7 @@ impl Stars {
     }
 }
 
-/// The spokes of a clipped cell: every edge of it belongs to a neighbour, every corner to a triangle.
+/// The spokes of a clipped cell: every edge of it belongs to a neighbor, every corner to a triangle.
 fn spokes(clipper: &Clipper<'_, Polygon>) -> Vec<Spoke> {
     clipper
         .corners::<2>()

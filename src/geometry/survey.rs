@@ -1,4 +1,4 @@
-//! From neighbourhoods to the triangles of a surface: planes, stars, sides, gaps.
+//! From neighborhoods to the triangles of a surface: planes, stars, sides, gaps.
 
 use std::f64::consts::{PI, TAU};
 
@@ -14,11 +14,11 @@ use crate::progress::Progress;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::struct_excessive_bools)] // independent switches
 pub struct Rules {
-    /// Planes through more neighbours where the nearest lie on a line.
+    /// Planes through more neighbors where the nearest lie on a line.
     pub widen_planes: bool,
     /// Rounds in which planes are turned to the triangles around their points.
     pub turns: usize,
-    /// Neighbours that face the other way are left out of stars that close without them.
+    /// Neighbors that face the other way are left out of stars that close without them.
     pub part_sheets: bool,
     /// Gaps are opened only where the triangles around them are smaller.
     pub verify_gaps: bool,
@@ -46,7 +46,7 @@ impl Default for Rules {
 /// 2.1 % on a boar of uneven points.
 const TURN_MIN: f64 = 0.3;
 
-/// Widest gap in a star that lost the neighbours that face the other way: half of the plane on an edge, more beside a knife
+/// Widest gap in a star that lost the neighbors that face the other way: half of the plane on an edge, more beside a knife
 /// edge that no point lies on, where only these close it. On the thin boat the worst error of 29 eigenvalues is 7.5 %
 /// without a limit, on fandisk with a tenth less than half of the plane 5.0 instead of 0.7 %.
 const GAP_ANGLE_MAX: f64 = 1.05 * PI;
@@ -61,7 +61,7 @@ pub struct Survey<'a> {
     pub points: &'a Points,
     /// The points, searchable.
     pub tree: &'a SearchTree,
-    /// Their nearest neighbours.
+    /// Their nearest neighbors.
     pub nearest: &'a NearestNeighbors,
     /// How.
     pub rules: Rules,
@@ -119,7 +119,7 @@ impl Survey<'_> {
         Ok(Surveyed { frames, stars, orientation, opened, stretch })
     }
 
-    /// The stars without neighbours that face the other way, where the others still surround the point.
+    /// The stars without neighbors that face the other way, where the others still surround the point.
     fn parted(
         &self,
         stars: &Stars,

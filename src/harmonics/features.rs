@@ -1,8 +1,8 @@
 //! Salient feature points [PBMHB §5.5]: where two consecutive bases have an extremum at the same place.
 //!
-//! The sign of a basis is arbitrary, so an extremum is a maximum of `|H|` among neighbours of the same sign. On another
+//! The sign of a basis is arbitrary, so an extremum is a maximum of `|H|` among neighbors of the same sign. On another
 //! sampling of the same surface the two extrema of a tip need not fall on one point: they count as one place when they
-//! lie within the neighbourhoods' radius of each other. The paper takes every extremum; we rank by topological persistence
+//! lie within the neighborhoods' radius of each other. The paper takes every extremum; we rank by topological persistence
 //! [Edelsbrunner, Letscher, Zomorodian 2002]: by how much `|H|` must fall before the extremum's hill merges with a higher
 //! one, or reaches the nodal line.
 
@@ -18,7 +18,7 @@ use crate::cloud::{PointCloud, ScalarType};
 /// Least persistence of an extremum when nothing is said, as a multiple of a basis' root mean square.
 pub const PERSISTENCE_MIN: f64 = 0.1;
 
-/// Radius of the neighbourhoods when nothing is said, as a multiple of the covering radius ε.
+/// Radius of the neighborhoods when nothing is said, as a multiple of the covering radius ε.
 pub const RADIUS_IN_EPSILON: f64 = 2.0;
 
 /// A hill of `|H|`.
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_without_a_result_are_no_extrema_and_no_neighbours() {
+    fn rows_without_a_result_are_no_extrema_and_no_neighbors() {
         let (cloud, _) = grid();
         let mut mass = [1.0; 900];
         mass[8 * 30 + 6] = f64::NAN;

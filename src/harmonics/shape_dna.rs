@@ -28,11 +28,11 @@ pub struct Similarity {
 #[must_use]
 pub fn compare(modes: [&Modes; 2], areas: [f64; 2], sized: bool, modes_max: usize) -> Option<Similarity> {
     let mean = (areas[0] * areas[1]).sqrt();
-    let normalised = |shape: usize| -> Vec<f64> {
+    let normalized = |shape: usize| -> Vec<f64> {
         let scale = if sized { mean } else { areas[shape] } / (4.0 * std::f64::consts::PI);
         modes[shape].eigenvalues()[modes[shape].informative()].iter().map(|lambda| lambda * scale).collect()
     };
-    let (mut first, mut second) = (normalised(0), normalised(1));
+    let (mut first, mut second) = (normalized(0), normalized(1));
     let count = first.len().min(second.len()).min(modes_max);
     if count == 0 {
         return None;

@@ -1,17 +1,17 @@
-//! Which points lie around which: the neighbourhoods in which extrema are looked for.
+//! Which points lie around which: the neighborhoods in which extrema are looked for.
 
 use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
 use crate::geometry::{GeometryError, Points, SearchTree};
 
-/// Fewest neighbours: in sparse parts, where the ball holds less, the nearest are taken.
+/// Fewest neighbors: in sparse parts, where the ball holds less, the nearest are taken.
 const NEIGHBORS_MIN: usize = 6;
-/// Most neighbours: in dense parts, where the ball holds more, the nearest are taken.
+/// Most neighbors: in dense parts, where the ball holds more, the nearest are taken.
 const NEIGHBORS_MAX: usize = 48;
 
 /// The points around every point that carries a result: those within a radius, at least the 6 and at most the 48
-/// nearest. Distinct points only; rows without a result neither have neighbours nor are some.
+/// nearest. Distinct points only; rows without a result neither have neighbors nor are some.
 #[derive(Debug, Clone)]
 pub struct Surroundings {
     points: Points,

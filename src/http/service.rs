@@ -78,7 +78,7 @@ pub struct Service {
     pub(super) store: Store,
     /// Threads that parse what is sent, apart from those that make answers.
     pub(super) reading: Compute,
-    /// Threads that make answers, apart from those that analyse.
+    /// Threads that make answers, apart from those that analyze.
     pub(super) compute: Compute,
     /// Threads that compress answers piece by piece.
     pub(super) compressing: Compute,

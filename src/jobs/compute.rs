@@ -21,7 +21,7 @@ pub enum Urgency {
     Prompt,
     /// They make large answers, and give way to threads that are done in a moment.
     Answers,
-    /// They analyse, for up to hours.
+    /// They analyze, for up to hours.
     Background,
 }
 

@@ -8,7 +8,7 @@ use crate::progress::{Phase, Progress};
 use crate::store::Vitals;
 
 /// Share of what is left of a phase that the progress moves on by where the computation has reported nothing since it was
-/// last told, as during a factorisation.
+/// last told, as during a factorization.
 const CREEP: f64 = 0.02;
 
 /// Shared by the computation, which moves it on, and the thread that beats for it.

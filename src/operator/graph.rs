@@ -4,8 +4,8 @@ use super::{HeatKernel, LaplaceBeltrami, OperatorKind, Sparse, Structure};
 use crate::geometry::{Points, SearchTree};
 use crate::progress::{Canceled, Progress};
 
-/// Default δ of the ball graph as a multiple of ε. Every point has a neighbour within 2ε, so that 3 leaves no gaps,
-/// with about 20 neighbours a point; the paper draws its graph with 10 (its first eigenvalues, 0.151 on a sphere of
+/// Default δ of the ball graph as a multiple of ε. Every point has a neighbor within 2ε, so that 3 leaves no gaps,
+/// with about 20 neighbors a point; the paper draws its graph with 10 (its first eigenvalues, 0.151 on a sphere of
 /// 1,000 points, are `δ²/4` at that δ).
 pub const DELTA_FACTOR: f64 = 3.0;
 
@@ -70,7 +70,7 @@ pub fn build(
         }
         _ => {
             let root: Vec<f64> = degree.iter().map(|d| d.sqrt()).collect();
-            // a point without neighbours stays alone, whatever its row is
+            // a point without neighbors stays alone, whatever its row is
             let inverse: Vec<f64> = root.iter().map(|r| if *r > 0.0 { 1.0 / r } else { 1.0 }).collect();
             let mut normalized = kirchhoff;
             normalized.scale_both_sides(&inverse);
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn the_weighted_graph_is_normalised_as_worked_out_by_hand() {
+    fn the_weighted_graph_is_normalized_as_worked_out_by_hand() {
         // with 4t = 1 and δ = 1.2 only 0–1 and 1–2 are joined, by w = 1/e; densities 1+w, 1+2w, 1+w, 1, 1
         let (points, tree, _) = on_a_line();
         let kernel = HeatKernel { t: 0.25, delta: 1.2, truncation_compensation: false, dimension: 1 };

@@ -12,7 +12,7 @@ use crate::progress::{Canceled, Progress};
 pub struct HeatKernel {
     /// Diffusion time t in length².
     pub t: f64,
-    /// Cut-off radius δ in length. For `pcd` that of the neighbourhood that is triangulated; the Gaussian is cut at
+    /// Cut-off radius δ in length. For `pcd` that of the neighborhood that is triangulated; the Gaussian is cut at
     /// half of it.
     pub delta: f64,
     /// Whether the second moment that the cut-off loses is made up for.
@@ -61,7 +61,7 @@ impl HeatKernel {
     }
 }
 
-/// Share of the second moment of a k-dimensional Gaussian beyond the radius δ, `x = δ²/4t`: the regularised upper
+/// Share of the second moment of a k-dimensional Gaussian beyond the radius δ, `x = δ²/4t`: the regularized upper
 /// incomplete gamma function `Q(k/2 + 1, x)`, for k = 2 `exp(−x)(1 + x)`.
 fn second_moment_beyond(x: f64, dimension: usize) -> f64 {
     let decay = (-x).exp();

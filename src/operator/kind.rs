@@ -21,9 +21,9 @@ pub enum OperatorKind {
     Mesh,
     /// Cotangent weights over mixed Voronoi areas [MESH §5; Meyer et al. 2003]; needs faces.
     Cotangent,
-    /// Gaussian weights, density-normalised (α = 1) and row-normalised [PCD §4; Lafon 2004].
+    /// Gaussian weights, density-normalized (α = 1) and row-normalized [PCD §4; Lafon 2004].
     WeightedGraph,
-    /// Normalised Laplacian `I − D^-½ A D^-½` of the ball graph [PBMHB §5.2].
+    /// Normalized Laplacian `I − D^-½ A D^-½` of the ball graph [PBMHB §5.2].
     Graph,
     /// `D − A` of the ball graph [PBMHB §5.2].
     Kirchhoff,
@@ -82,7 +82,7 @@ impl OperatorKind {
         matches!(self, Self::Graph | Self::Kirchhoff | Self::Tutte)
     }
 
-    /// Whether it triangulates every point's neighbourhood by itself.
+    /// Whether it triangulates every point's neighborhood by itself.
     #[must_use]
     pub const fn is_pcd(self) -> bool {
         matches!(self, Self::Pcd | Self::PcdSymmetrized)

@@ -21,8 +21,8 @@ const T_FACTOR_SURFACE: f64 = 0.5;
 /// The same on curves, where ε is but half the spacing.
 const T_FACTOR_CURVE: f64 = 2.0;
 
-/// The same in volumes, where a Gaussian of the same width reaches many more neighbours: flat three-torus of 4,000
-/// points, worst of 18 eigenvalues 5.5 % with 111 neighbours a row, at 0.5 9.5 % with 190 (uncalibrated).
+/// The same in volumes, where a Gaussian of the same width reaches many more neighbors: flat three-torus of 4,000
+/// points, worst of 18 eigenvalues 5.5 % with 111 neighbors a row, at 0.5 9.5 % with 190 (uncalibrated).
 const T_FACTOR_VOLUME: f64 = 0.35;
 
 /// Default `t/ε²` in intrinsic dimension k.
@@ -37,7 +37,7 @@ pub const fn t_factor(dimension: usize, calibrated: bool) -> f64 {
 }
 
 /// Default `δ/√(2t)`. On a regular sphere of 4,000 points with `t = 0.7ε²` the worst error of 25 eigenvalues is
-/// 0.59 % with 3.5 and 25 neighbours a row, 0.19 % with 4 and 35.
+/// 0.59 % with 3.5 and 25 neighbors a row, 0.19 % with 4 and 35.
 pub const DELTA_FACTOR: f64 = 4.0;
 
 /// Default `δ/√(2t)` of the paper's own operator, which has no compensation: the share of the second moment lost is
@@ -157,7 +157,7 @@ fn calibration(
                 })
                 .sum();
             let missing = target / (scale[i] * factor * moment);
-            // nothing is known of a point without neighbours
+            // nothing is known of a point without neighbors
             let missing = if moment > 0.0 { missing.clamp(1.0 / CHANGE_MAX, CHANGE_MAX) } else { 1.0 };
             scale[i] * missing.sqrt()
         });

@@ -1,5 +1,5 @@
 //! The PCD Laplace operator [PCD §2.2, steps S1–S3, eq. 2.1]: a heat kernel weighted, for every point anew, by the
-//! Delaunay triangulation of its projected neighbourhood.
+//! Delaunay triangulation of its projected neighborhood.
 
 use super::heat_kernel::HeatKernel;
 use super::sheets::Sheets;
@@ -16,7 +16,7 @@ use crate::progress::{Canceled, Progress};
 /// independent points of the sphere are 4.6 % too low, at 10 1.7 %, at 12 1.5 %. The paper's proof wants δ ≥ 10ε.
 pub const DELTA_FACTOR: f64 = 10.0;
 
-/// Neighbours steeper than this against the tangent space (sine of the angle) belong to another sheet, as for the cells:
+/// Neighbors steeper than this against the tangent space (sine of the angle) belong to another sheet, as for the cells:
 /// on a unit circle those more than 106° away.
 const STEEPNESS_MAX: f64 = 0.8;
 
@@ -47,9 +47,9 @@ pub fn nearest_ten(points: &Points, nearest: &NearestNeighbors, dimension: usize
     HeatKernel { t: 0.25 * h * h, delta: 3.0 * h, truncation_compensation: false, dimension }
 }
 
-/// Where rows look for their neighbours, and onto which planes they project them.
+/// Where rows look for their neighbors, and onto which planes they project them.
 pub enum Planes {
-    /// All neighbours, as the paper has it.
+    /// All neighbors, as the paper has it.
     Ball(Frames),
     /// Those on the same sheet: the projection of a ball that reaches through a thin part, or around a bend of more than
     /// a right angle, lays points between each other that are far apart, and takes volume from both.

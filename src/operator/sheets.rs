@@ -14,7 +14,7 @@ pub struct Sheets {
     frames: Frames,
     /// Whose handedness was turned around.
     flipped: Vec<bool>,
-    /// Share of clearly comparable neighbour pairs whose handedness disagrees in spite of all: 0 on orientable, well
+    /// Share of clearly comparable neighbor pairs whose handedness disagrees in spite of all: 0 on orientable, well
     /// sampled surfaces.
     pub conflicts: f64,
 }

@@ -17,7 +17,7 @@ pub struct Sparse {
 impl Sparse {
     /// A stiffness matrix from non-negative weights: `−w_ij` beside the diagonal, row sums zero.
     ///
-    /// `weights(i, scratch, row)` appends the neighbours `j ≠ i` of row `i` with their weights, by ascending index;
+    /// `weights(i, scratch, row)` appends the neighbors `j ≠ i` of row `i` with their weights, by ascending index;
     /// for a symmetric matrix it must give the same bits for `(i, j)` and `(j, i)`. `rows_done` is called after every
     /// stretch of rows and may stop the assembly.
     ///

@@ -29,9 +29,9 @@ pub struct Atlas<'a> {
     points: &'a Points,
     stars: &'a Stars,
     sheets: &'a Sheets,
-    /// Offset of every spoke's neighbour in the chart of its star.
+    /// Offset of every spoke's neighbor in the chart of its star.
     offsets: Vec<[f64; 2]>,
-    /// Place of the spoke back in the neighbour's star, or [`NONE`].
+    /// Place of the spoke back in the neighbor's star, or [`NONE`].
     back: Vec<u32>,
 }
 
@@ -188,7 +188,7 @@ impl Walk {
         }
     }
 
-    /// Reaches the neighbours of `node`.
+    /// Reaches the neighbors of `node`.
     fn lay_out(&mut self, atlas: &Atlas<'_>, i: usize, node: Node, turn: [f64; 2], radius: f64) {
         let q = node.point as usize;
         let start = atlas.stars.offsets()[q];

@@ -13,7 +13,7 @@ use crate::progress::{Canceled, Progress};
 /// [`Canceled`].
 pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<Sparse, Canceled> {
     let n = cells.volume.len();
-    // walls that only the neighbour sees
+    // walls that only the neighbor sees
     let mut unseen: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
     for (p, walls) in cells.conductance.iter().enumerate() {
         for &(q, w) in walls {

@@ -67,14 +67,14 @@ impl Map {
 /// `count` colors at equal distances along the smooth curve through some.
 fn even(through: &[Lab], count: usize) -> Vec<Lab> {
     let curve: Vec<Lab> = (0..=MEASURED).map(|i| spline(through, i as f64 / MEASURED as f64)).collect();
-    let mut travelled = vec![0.0];
+    let mut traveled = vec![0.0];
     for pair in curve.windows(2) {
-        travelled.push(travelled[travelled.len() - 1] + distance(pair[0], pair[1]));
+        traveled.push(traveled[traveled.len() - 1] + distance(pair[0], pair[1]));
     }
-    let whole = travelled[MEASURED];
+    let whole = traveled[MEASURED];
     let at = |step: usize| {
         let wanted = whole * step as f64 / (count - 1) as f64;
-        curve[travelled.partition_point(|&length| length < wanted).min(MEASURED)]
+        curve[traveled.partition_point(|&length| length < wanted).min(MEASURED)]
     };
     (0..count).map(at).collect()
 }

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cloud_is_centerd_and_fills_the_picture() {
+    fn the_cloud_is_centered_and_fills_the_picture() {
         let view = View { azimuth: -90.0, elevation: 0.0, ..View::default() };
         assert_eq!(seen(view, 8), [400.0, 300.0, 0.0]);
         // Seen along y, z is up: 6 units in 600 pixels less the margin.

@@ -9,13 +9,13 @@ use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError, shift_invert, slicing};
 use crate::progress::{Phase, Progress};
 
-/// Entries of the factor, per row, up to which a second factorisation counts the eigenvalues below a bound.
+/// Entries of the factor, per row, up to which a second factorization counts the eigenvalues below a bound.
 const INERTIA_ENTRIES_PER_ROW: usize = 200;
 
 /// Searches for eigenvalues that were missed, before the answer says that some are.
 const SEARCHES_MAX: u32 = 30;
 
-/// Gaps at which the count of eigenvalues is tried: a factorisation at each.
+/// Gaps at which the count of eigenvalues is tried: a factorization at each.
 const GAPS_TRIED: usize = 9;
 
 /// Least tolerance for which factors in single precision are tried.

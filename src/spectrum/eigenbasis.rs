@@ -7,7 +7,7 @@ use super::{Eigenpairs, Problem};
 /// Bases that are taken out of the rows of eigenvectors together: as many as lie in a cache line.
 const TOGETHER: usize = 8;
 
-/// Manifold harmonics on the analysed points.
+/// Manifold harmonics on the analyzed points.
 #[derive(Debug)]
 pub struct Eigenbasis {
     /// Basis by basis: eigenvectors are stored point by point, where a basis is spread over all of the memory.

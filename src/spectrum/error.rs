@@ -7,8 +7,8 @@ use crate::progress::Canceled;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpectrumError {
-    /// A factorisation failed or was found wrong.
-    #[error("Cholesky factorisation: {0}")]
+    /// A factorization failed or was found wrong.
+    #[error("Cholesky factorization: {0}")]
     Factorization(String),
     /// A small dense eigenproblem did not converge.
     #[error("a dense eigenproblem of order {order} did not converge")]

@@ -11,7 +11,7 @@ use super::weyl::Weyl;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
 
-/// Most pairs of a slice: fewer make more factorisations, more make larger Krylov spaces.
+/// Most pairs of a slice: fewer make more factorizations, more make larger Krylov spaces.
 pub const SLICE: usize = 120;
 
 /// Pairs from which on the spectrum is solved in slices.

@@ -19,7 +19,7 @@ function pan(right, up) { change({ x: bounded(view.x + right / view.zoom, -10, 1
 
 export function listen(canvas, { tapped, moved, mode }) {
   const pointers = new Map();
-  let [travelled, gap] = [0, 0];
+  let [traveled, gap] = [0, 0];
   // Pixels of the ball's radius at zoom 1.
   const scale = () => 0.5 * Math.min(canvas.clientWidth, canvas.clientHeight);
   const spread = () => {
@@ -30,16 +30,16 @@ export function listen(canvas, { tapped, moved, mode }) {
   canvas.addEventListener('pointerdown', (event) => {
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    if (pointers.size === 1) travelled = 0;
-    if (pointers.size === 2) { gap = spread(); travelled = Infinity; }
+    if (pointers.size === 1) traveled = 0;
+    if (pointers.size === 2) { gap = spread(); traveled = Infinity; }
   });
   canvas.addEventListener('pointermove', (event) => {
     const before = pointers.get(event.pointerId);
     if (!before) return;
     const [dx, dy] = [event.clientX - before.x, event.clientY - before.y];
     pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    travelled += Math.hypot(dx, dy);
-    if (travelled < TAP_PIXELS) return;
+    traveled += Math.hypot(dx, dy);
+    if (traveled < TAP_PIXELS) return;
     moved();
     if (pointers.size > 1) {
       pan(dx / scale() / pointers.size, -dy / scale() / pointers.size);
@@ -54,7 +54,7 @@ export function listen(canvas, { tapped, moved, mode }) {
   });
   const lifted = (event) => {
     if (!pointers.delete(event.pointerId)) return;
-    if (event.type === 'pointerup' && travelled < TAP_PIXELS && event.button === 0) tapped(event.offsetX, event.offsetY);
+    if (event.type === 'pointerup' && traveled < TAP_PIXELS && event.button === 0) tapped(event.offsetX, event.offsetY);
   };
   canvas.addEventListener('pointerup', lifted);
   canvas.addEventListener('pointercancel', lifted);

@@ -33,7 +33,7 @@ fn scan(is_compressed: bool) -> (Vec<u8>, Vec<[i32; 3]>) {
     (writer.into_inner().unwrap().into_inner(), steps)
 }
 
-/// A georeferenced sphere in millimetres, with a colour and an intensity.
+/// A georeferenced sphere in millimeters, with a color and an intensity.
 fn survey() -> PointCloud {
     let sphere = sphere(200);
     let place = |x: f64, offset: f64| (x * 1000.0).round() / 1000.0 + offset;
@@ -119,7 +119,10 @@ async fn a_default_that_a_small_cloud_does_not_allow_is_lowered_and_told() {
     let id = service.succeed("operator=voronoi", file(&sphere(60), Format::Ply)).await;
     let job = service.json(&format!("/jobs/{id}")).await;
     assert_eq!(job["parameters"]["bases"], 60);
-    assert!(job["warnings"][0].as_str().unwrap().contains("the most that 60 distinct points allow"), "{job}");
+    let warnings = job["warnings"].as_array().unwrap();
+    let is_told =
+        |warning: &Value| warning.as_str().unwrap().contains("the most that 60 distinct points allow");
+    assert!(warnings.iter().any(is_told), "{job}");
 }
 
 #[tokio::test]

@@ -20,8 +20,8 @@ async fn finished() -> (Service, String) {
     (service, id)
 }
 
-/// A sphere with faces, colours, normals that are a little off, and a scalar with a trend.
-fn coloured() -> PointCloud {
+/// A sphere with faces, colors, normals that are a little off, and a scalar with a trend.
+fn colored() -> PointCloud {
     let sphere = sphere(POINTS);
     let column = |value: &dyn Fn(&[f64]) -> f64| (0..POINTS).map(|i| value(sphere.point(i))).collect();
     let field = |name: &str, kind, values| ScalarField { name: name.to_owned(), kind, values };
@@ -71,7 +71,7 @@ fn npy(values: &[f64]) -> Vec<u8> {
 #[tokio::test]
 async fn coefficients_of_coordinates_and_fields_go_there_and_back() {
     let service = Service::start().await;
-    let id = service.succeed(&format!("bases={BASES}"), file(&coloured(), Format::Ply)).await;
+    let id = service.succeed(&format!("bases={BASES}"), file(&colored(), Format::Ply)).await;
     let path = format!("/jobs/{id}/coefficients");
     let answer = service.json(&path).await;
     let names: Vec<_> = answer["fields"].as_object().unwrap().keys().cloned().collect();
@@ -92,7 +92,7 @@ async fn coefficients_of_coordinates_and_fields_go_there_and_back() {
     let back = service.post(&format!("/jobs/{id}/synthesis"), answer.to_string()).await;
     let back: Value = serde_json::from_slice(&bytes(back).await).unwrap();
     assert_eq!(back["names"][2], "z");
-    let sphere = coloured();
+    let sphere = colored();
     for (i, z) in numbers(&back["values"][2]).iter().enumerate() {
         assert!((z - sphere.point(i)[2]).abs() < 0.05, "{i}: {z}");
     }
@@ -105,7 +105,7 @@ async fn coefficients_of_coordinates_and_fields_go_there_and_back() {
 #[tokio::test]
 async fn coefficients_and_filtered_clouds_are_the_same_with_and_without_stored_coefficients() {
     let service = Service::start().await;
-    let id = service.succeed(&format!("bases={BASES}"), file(&coloured(), Format::Ply)).await;
+    let id = service.succeed(&format!("bases={BASES}"), file(&colored(), Format::Ply)).await;
     let paths = ["coefficients", "filtered?cutoff=3", "filtered?cutoff=3&field=red&format=json"];
     let mut with = Vec::new();
     for path in paths {
@@ -174,7 +174,7 @@ async fn what_cannot_be_transformed_is_refused_with_the_reason() {
 #[tokio::test]
 async fn a_filtered_cloud_keeps_everything_else_of_the_upload() {
     let service = Service::start().await;
-    let before = coloured();
+    let before = colored();
     let id = service.succeed(&format!("bases={BASES}"), file(&before, Format::Ply)).await;
     let after = read(&get(&service, &format!("/jobs/{id}/filtered?filter=enhance&from=1&to=4&gain=2")).await);
     assert_eq!(after.faces(), before.faces());
@@ -200,7 +200,7 @@ async fn a_filtered_cloud_keeps_everything_else_of_the_upload() {
 #[tokio::test]
 async fn a_named_field_is_filtered_in_place_of_the_coordinates() {
     let service = Service::start().await;
-    let before = coloured();
+    let before = colored();
     let id = service.succeed(&format!("bases={BASES}"), file(&before, Format::Ply)).await;
     let path = format!("/jobs/{id}/filtered?field=red,intensity&filter=low-pass&cutoff=1");
     let after = read(&get(&service, &path).await);
@@ -369,13 +369,13 @@ async fn signatures_and_distances_are_the_same_in_every_format() {
 async fn similarity_tells_shapes_apart_and_not_samplings() {
     use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
     let service = Service::start().await;
-    let analysed = async |shape, sampling| {
+    let analyzed = async |shape, sampling| {
         let cloud = sample(&SampleRequest { sampling, ..SampleRequest::new(shape, 1_500) }).unwrap();
         service.succeed(&format!("bases={BASES}"), file(&cloud, Format::Npy)).await
     };
-    let even = analysed(Shape::Sphere, Sampling::Uniform).await;
-    let random = analysed(Shape::Sphere, Sampling::Iid).await;
-    let other = analysed(Shape::Torus, Sampling::Uniform).await;
+    let even = analyzed(Shape::Sphere, Sampling::Uniform).await;
+    let random = analyzed(Shape::Sphere, Sampling::Iid).await;
+    let other = analyzed(Shape::Torus, Sampling::Uniform).await;
     let distance = async |a: &str, b: &str| {
         service.json(&format!("/jobs/{a}/similarity/{b}")).await["distance"].as_f64().unwrap()
     };

@@ -13,7 +13,10 @@ use crate::service::{Service, file, problem, sphere};
 async fn every_format_is_told_from_its_bytes() {
     let service = Service::start().await;
     for format in Format::WRITTEN {
-        let response = service.post("/clouds?analyze=false", file(&sphere(60), format)).await;
+        // STL holds triangles and nothing else.
+        let triangles = (0..20).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let cloud = sphere(60).with_faces(triangles).unwrap();
+        let response = service.post("/clouds?analyze=false", file(&cloud, format)).await;
         assert!(response.status().is_success(), "{format}: {}", response.text().await.unwrap());
         let body: Value = response.json().await.unwrap();
         assert_eq!(body["cloud"]["points"], 60, "{format}");

@@ -55,7 +55,7 @@ pub(crate) fn seeds() -> Vec<File> {
         "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1//1 2/2 -1\n",
     ));
     seeds.push(file(
-        "off with colours",
+        "off with colors",
         Some(Format::Off),
         "COFF\n3 1 0\n0 0 0 9 9 9\n1 0 0 9 9 9\n0 1 0 9 9 9\n3 0 1 2\n",
     ));
@@ -316,7 +316,7 @@ pub(crate) fn large_files() -> Vec<Make> {
         repeated("obj of triangles", Format::Obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "f 1 2 3\n"),
         repeated("obj of one polygon", Format::Obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf", " 1 2 3"),
         repeated("obj of nothing", Format::Obj, "", "#\n"),
-        repeated("obj of coloured points", Format::Obj, "", "v 0 0 0 0 0 0\n"),
+        repeated("obj of colored points", Format::Obj, "", "v 0 0 0 0 0 0\n"),
         repeated(
             "obj of polygons",
             Format::Obj,

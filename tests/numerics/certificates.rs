@@ -128,7 +128,7 @@ fn a_volume_is_computed_with_the_warning_that_it_is_no_surface() {
     let volume = (0..3 * 2_000).map(crate::hashed).collect();
     let warned = |points| {
         let report = eigen(&cloud(3, points), &parameters(Voronoi, 5)).report;
-        report.warnings.iter().any(|warning| warning.starts_with("most neighbourhoods look 3-dimensional"))
+        report.warnings.iter().any(|warning| warning.starts_with("most neighborhoods look 3-dimensional"))
     };
     assert!(warned(volume));
     assert!(!warned(fibonacci_sphere(2_000)));

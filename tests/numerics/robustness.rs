@@ -79,7 +79,7 @@ fn a_density_that_grows_a_hundredfold(#[case] kind: OperatorKind, #[case] bound:
     }
 }
 
-/// Rows of hundreds of neighbours, irregular ones at that. With a small t the kernel's operator is far from the one that
+/// Rows of hundreds of neighbors, irregular ones at that. With a small t the kernel's operator is far from the one that
 /// stands in for it, and a polynomial would take too many steps.
 #[rstest]
 #[case(1.5, None, Method::Polynomial)]

@@ -75,7 +75,7 @@ fn bases_npy(analysis: &Analysis, rows: usize, out: &mut impl Write) -> io::Resu
     (0..analysis.bases()).try_for_each(|j| out.write_all(&doubles(&analysis.basis(j))))
 }
 
-/// The cloud with a float property per basis, so that viewers can colour by it. The rows are put together in
+/// The cloud with a float property per basis, so that viewers can color by it. The rows are put together in
 /// memory, since bases come one by one and rows hold all of them.
 fn bases_ply(analysis: &Analysis, cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
     let encoding = PlyEncoding::BinaryLittleEndian;

@@ -23,7 +23,7 @@ pub(crate) struct FeaturesArgs {
     #[arg(long, default_value_t = PERSISTENCE_MIN)]
     persistence: f64,
 
-    /// Radius of the neighbourhoods, in units of the cloud; twice the covering radius when absent
+    /// Radius of the neighborhoods, in units of the cloud; twice the covering radius when absent
     #[arg(long)]
     radius: Option<f64>,
 

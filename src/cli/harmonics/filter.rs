@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::{Failure, Output, Results, Writing, output, write_json, write_npy};
 
-/// Filter the coordinates of an analysed cloud, or some of its fields.
+/// Filter the coordinates of an analyzed cloud, or some of its fields.
 #[derive(Debug, clap::Args)]
 pub(crate) struct FilterArgs {
     /// Directory that `chladni analyze` filled

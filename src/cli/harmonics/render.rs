@@ -22,11 +22,11 @@ pub(crate) struct RenderArgs {
     /// Directory that `chladni analyze` filled, or a point cloud
     input: PathBuf,
 
-    /// Colour by this basis of the directory, counting from 0
+    /// Color by this basis of the directory, counting from 0
     #[arg(long, value_name = "INDEX", conflicts_with = "field")]
     basis: Option<usize>,
 
-    /// Colour by this field of the cloud
+    /// Color by this field of the cloud
     #[arg(long, value_name = "NAME")]
     field: Option<String>,
 

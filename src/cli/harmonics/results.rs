@@ -47,7 +47,7 @@ impl Results {
         Ok(Self { directory: directory.to_owned(), report, modes, mass, bases })
     }
 
-    /// The cloud that was analysed: `bases.ply` without the bases, which are its last fields.
+    /// The cloud that was analyzed: `bases.ply` without the bases, which are its last fields.
     pub(super) fn cloud(&self) -> Result<PointCloud, Failure> {
         let path = self.directory.join("bases.ply");
         let bytes = file(&path)?;
@@ -62,7 +62,7 @@ impl Results {
         let cloud = read(&bytes, Format::Ply, &options).map_err(|error| refused(&error))?;
         let own = cloud.fields().len().saturating_sub(self.modes.len());
         if cloud.len() != self.report.rows || cloud.dimension() != self.report.ambient_dimension.max(3) {
-            return Err(refused(&"the cloud is not the one that was analysed"));
+            return Err(refused(&"the cloud is not the one that was analyzed"));
         }
         let fields = cloud.fields()[..own].to_vec();
         cloud.with_fields(fields).map_err(Failure::other)

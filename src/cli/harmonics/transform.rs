@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Failure, Output, Results, Writing, output, results, write_json, write_npy};
 
-/// Transform coordinates and fields of an analysed cloud, or functions of your own.
+/// Transform coordinates and fields of an analyzed cloud, or functions of your own.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CoefficientsArgs {
     /// Directory that `chladni analyze` filled
@@ -110,7 +110,7 @@ fn posted(path: &Path, results: &Results) -> Result<Vec<Function>, Failure> {
     Ok(functions)
 }
 
-/// Reads, synthesises, writes.
+/// Reads, synthesizes, writes.
 pub(crate) fn synthesis(args: &SynthesisArgs) -> Result<(), Failure> {
     let format = Output::of(&args.output, &args.writing, &[Output::Npy, Output::Ply, Output::Json])?;
     let results = Results::read(&args.results)?;

@@ -57,7 +57,7 @@ pub(super) struct Errors {
     pub(super) max: f64,
 }
 
-/// Normalised errors of `found` against `truth`; rows without a result are left out.
+/// Normalized errors of `found` against `truth`; rows without a result are left out.
 pub(super) fn errors(truth: &[f64], found: &[f64]) -> Errors {
     let (mut difference, mut size, mut worst, mut largest) = (0.0, 0.0, 0.0_f64, 0.0_f64);
     for (u, v) in truth.iter().zip(found).filter(|(_, v)| v.is_finite()) {

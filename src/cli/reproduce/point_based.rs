@@ -26,7 +26,7 @@ pub(super) fn figure_3(extent: Extent) -> Result<Table, Failure> {
         format!(
             "{around} × {rows} points, radius 1, height 4; t = ε² and δ = 5√(2t) (10ε in `pcd` and the graph), as for all \
              tables of this paper. Largest |Δv² − 2| over points farther than 10ε from both rims. The paper shows plots: \
-             its operator on the line 2, PCD with slight oscillations, the graph at 0, the symmetrised PCD far off."
+             its operator on the line 2, PCD with slight oscillations, the graph at 0, the symmetrized PCD far off."
         ),
     );
     for (kind, bound) in [

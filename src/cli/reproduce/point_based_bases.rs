@@ -23,7 +23,7 @@ const TABLE_2: [[[f64; 4]; 3]; 3] = [
 pub(super) fn table_2(_: Extent) -> Result<Table, Failure> {
     let mut table = Table::new(
         "PBMHB Table 2: first bases of the unit sphere",
-        "t = ε², δ = 5√(2t), graph edges up to 10ε. E∞ is the largest deviation of H₁, H₂, H₃ (BᵀB-normalised, about ±0.5) from \
+        "t = ε², δ = 5√(2t), graph edges up to 10ε. E∞ is the largest deviation of H₁, H₂, H₃ (BᵀB-normalized, about ±0.5) from \
          the best-fitting spherical harmonic of degree 1; |λ − 2| the error of their eigenvalues. \"Ours\" are the raw μ of \
          the paper's operator; the second set is the operator with our additions at its defaults.",
     );

@@ -31,12 +31,12 @@ pub(super) fn uneven(kind: Shape, points: usize) -> Result<PointCloud, Failure> 
         let request = SampleRequest { sampling: Sampling::Iid, seed, ..SampleRequest::new(kind, points) };
         sample(&request).map_err(Failure::other)
     };
-    let centres = drawn(BUMPS, SEED + 1)?;
+    let centers = drawn(BUMPS, SEED + 1)?;
     let variance = kind.intrinsic_dimension() as f64;
-    // 1 where all the centres are
+    // 1 where all the centers are
     let density = |point: &[f64]| {
-        let bump = |centre: usize| {
-            let squared: f64 = centres.point(centre).iter().zip(point).map(|(a, b)| (a - b).powi(2)).sum();
+        let bump = |center: usize| {
+            let squared: f64 = centers.point(center).iter().zip(point).map(|(a, b)| (a - b).powi(2)).sum();
             (-0.5 * squared / variance).exp()
         };
         (0..BUMPS).map(bump).sum::<f64>() / BUMPS as f64

@@ -141,7 +141,7 @@ pub(super) fn report(tables: &[Table], full: bool) -> String {
          their bounds.\n\n\
          PBMHB is Point-Based Manifold Harmonics (Liu, Prabhakaran, Guo), PCD is Constructing Laplace Operator from \
          Point Clouds in R^d (Belkin, Sun, Wang), MESH is Discrete Laplace Operator on Meshed Surfaces (Belkin, Sun, \
-         Wang). Errors are normalised as in the papers: E2 = |U − Û|₂/|U|₂, E∞ likewise. Samples are drawn with fixed \
+         Wang). Errors are normalized as in the papers: E2 = |U − Û|₂/|U|₂, E∞ likewise. Samples are drawn with fixed \
          seeds; the papers' own samples are not published, so that figures agree in size, not in digits.\n\n"
     );
     for table in tables {

@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_kept_when_every_vertex_has_them() {
+    fn colors_are_kept_when_every_vertex_has_them() {
         let cloud = obj("v 0 0 0 0.1 0.2 0.3\nv 1 0 0 0.4 0.5 0.6\n").unwrap();
         let blue = &cloud.fields()[2];
         assert_eq!((blue.name.as_str(), blue.values.as_slice()), ("blue", &[0.3, 0.6][..]));

@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_and_normals_become_fields() {
+    fn colors_and_normals_become_fields() {
         let cloud = off("CNOFF 1 0 0\n0 0 0 0 0 1 9 8 7 6\n").unwrap();
         let names: Vec<_> = cloud.fields().iter().map(|field| field.name.as_str()).collect();
         assert_eq!(names, ["nx", "ny", "nz", "red", "green", "blue", "alpha"]);

@@ -29,7 +29,7 @@ pub(super) fn double_torus(points: usize) -> Sample {
 }
 
 /// The six tetrahedra around the long diagonal of a cube, by paths of axes from corner 0 to corner 7
-/// (Kuhn, 1960): neighbouring cubes cut their common face along the same diagonal.
+/// (Kuhn, 1960): neighboring cubes cut their common face along the same diagonal.
 const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
 /// Values of the function on the corners of cubes around the surface.
@@ -61,7 +61,7 @@ impl Grid {
         [0, 1, 2].map(|axis| self.origin[axis] + self.side * index[axis] as f64)
     }
 
-    /// Distance of numbers between neighbours along each axis.
+    /// Distance of numbers between neighbors along each axis.
     fn strides(&self) -> [usize; 3] {
         [1, self.corners[0], self.corners[0] * self.corners[1]]
     }

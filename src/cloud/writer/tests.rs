@@ -246,9 +246,9 @@ fn formats_that_are_only_read_are_refused_by_name() {
 #[test]
 fn a_georeferenced_scan_goes_through_las_and_laz_with_all_its_fields() {
     let n = 70_000;
-    let millimetres = |i: usize| (i * 7919 % 300_000) as f64 * 0.001;
+    let millimeters = |i: usize| (i * 7919 % 300_000) as f64 * 0.001;
     let coordinates: Vec<f64> = (0..n)
-        .flat_map(|i| [1e6 + millimetres(i), 5.2e6 + millimetres(3 * i), millimetres(7 * i) - 40.0])
+        .flat_map(|i| [1e6 + millimeters(i), 5.2e6 + millimeters(3 * i), millimeters(7 * i) - 40.0])
         .collect();
     let field = |name: &str, kind, value: fn(usize) -> f64| ScalarField {
         name: name.to_owned(),

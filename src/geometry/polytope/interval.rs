@@ -2,7 +2,7 @@
 
 use super::{BOX, Corner, Polytope, Site};
 
-/// The nearest neighbour on either side.
+/// The nearest neighbor on either side.
 #[derive(Debug, Clone)]
 pub struct Interval {
     below: Site<1>,

@@ -1,7 +1,7 @@
 //! Convex cells around the origin of a tangent space, clipped by perpendicular bisectors: Voronoi cells in k = 1, 2
 //! or 3 dimensions.
 //!
-//! A corner of the cell between the facets of k neighbours is the circumcentre of the Delaunay simplex that they form
+//! A corner of the cell between the facets of k neighbors is the circumcentre of the Delaunay simplex that they form
 //! with the origin, so that cells carry the Delaunay triangulation with them.
 
 mod interval;
@@ -15,21 +15,21 @@ pub use polyhedron::Polyhedron;
 /// Marks a side of the box that a cell starts from.
 pub const BOX: u32 = u32::MAX;
 
-/// A neighbour as it is seen in the tangent space.
+/// A neighbor as it is seen in the tangent space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Site<const K: usize> {
     /// Position in the tangent space.
     pub at: [f64; K],
-    /// Index of the neighbour, or [`BOX`].
+    /// Index of the neighbor, or [`BOX`].
     pub neighbor: u32,
 }
 
-/// A corner of a cell with the neighbours whose bisectors meet there.
+/// A corner of a cell with the neighbors whose bisectors meet there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corner<const K: usize> {
     /// Position in the tangent space.
     pub at: [f64; K],
-    /// The neighbours, in no particular order.
+    /// The neighbors, in no particular order.
     pub sites: [Site<K>; K],
 }
 
@@ -55,7 +55,7 @@ impl<const K: usize> Corner<K> {
         self.sites.iter().any(|site| site.neighbor == BOX)
     }
 
-    /// Volume of the Delaunay simplex of the origin and the neighbours.
+    /// Volume of the Delaunay simplex of the origin and the neighbors.
     #[must_use]
     pub fn simplex_volume(&self) -> f64 {
         let factorial: f64 = (1..=K).map(|i| i as f64).product();
@@ -64,13 +64,13 @@ impl<const K: usize> Corner<K> {
 
     /// The part of the cell between the origin and this corner, by orthoschemes.
     ///
-    /// For every order `q₁ … q_k` of the neighbours, the origin, the foot on the facet of `q₁`, the foot on the ridge
+    /// For every order `q₁ … q_k` of the neighbors, the origin, the foot on the facet of `q₁`, the foot on the ridge
     /// of `q₁` and `q₂`, and so on to the corner, span an orthoscheme with mutually orthogonal legs `x₁ … x_k`
     /// (signed): its volume is `x₁⋯x_k/k!`, its share of the facet of `q₁` is `x₂⋯x_k/(k−1)!`. Around a closed cell
     /// they add up to the cell; on a rim, where the simplex between two corners is missing, to the cell's part inside
     /// the triangulation, which is how the cotangent scheme ends a mesh.
     ///
-    /// Calls `carry(q₁, facet/|q₁|)` for the shares of facets; returns the volume. None when the neighbours are
+    /// Calls `carry(q₁, facet/|q₁|)` for the shares of facets; returns the volume. None when the neighbors are
     /// linearly dependent.
     pub fn measure(&self, mut carry: impl FnMut(u32, f64)) -> Option<f64> {
         let mut volume = 0.0;
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn on_a_line_the_cell_reaches_half_way_to_both_neighbours() {
+    fn on_a_line_the_cell_reaches_half_way_to_both_neighbors() {
         let (volume, conductance, simplices) = measured::<1, Interval>(&[[2.0], [-1.0], [5.0]]);
         assert_near(&[volume, simplices], &[1.5, 3.0]);
         assert_near(&conductance, &[0.5, 1.0, 0.0]);
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn in_a_cubic_grid_the_cell_is_a_cube_and_diagonal_neighbours_change_nothing() {
+    fn in_a_cubic_grid_the_cell_is_a_cube_and_diagonal_neighbors_change_nothing() {
         let mut sites = vec![
             [1.0, 0.0, 0.0],
             [-1.0, 0.0, 0.0],
@@ -196,8 +196,8 @@ mod tests {
     }
 
     #[test]
-    fn in_a_face_centred_lattice_the_cell_is_the_rhombic_dodecahedron() {
-        // twelve neighbours at distance √2: volume 2, facets of area √2/2; found by geometry, not by this code
+    fn in_a_face_centered_lattice_the_cell_is_the_rhombic_dodecahedron() {
+        // twelve neighbors at distance √2: volume 2, facets of area √2/2; found by geometry, not by this code
         let mut sites = Vec::new();
         for (a, b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
             sites.extend([[a, b, 0.0], [a, 0.0, b], [0.0, a, b]]);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn among_scattered_neighbours_the_cell_is_made_of_the_pyramids_on_its_facets() {
+    fn among_scattered_neighbors_the_cell_is_made_of_the_pyramids_on_its_facets() {
         // height |q|/2 over every facet: Σ facet·|q|/2 = 3·volume
         let hash = |i: u64| ((i.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 33) as f64) / f64::from(1 << 30) - 1.0;
         let sites: Vec<[f64; 3]> =

@@ -2,7 +2,7 @@
 
 use super::{BOX, Corner, Polytope, Site, dot};
 
-/// A corner and the neighbour whose bisector carries the edge that leaves it, counter-clockwise.
+/// A corner and the neighbor whose bisector carries the edge that leaves it, counter-clockwise.
 #[derive(Debug, Clone, Copy)]
 struct Vertex {
     at: [f64; 2],
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_neighbour_beyond_twice_the_radius_changes_nothing() {
+    fn a_neighbor_beyond_twice_the_radius_changes_nothing() {
         let mut polygon = Polygon::default();
         polygon.reset(1.0);
         let before: Vec<_> = polygon.corners().collect();
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn every_neighbour_has_one_edge_where_many_bisectors_meet_in_a_point() {
+    fn every_neighbor_has_one_edge_where_many_bisectors_meet_in_a_point() {
         // sites on a circle through the origin: all bisectors pass through its center
         for count in [5_u32, 12, 40] {
             for turn in 0..50 {

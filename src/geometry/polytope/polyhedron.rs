@@ -3,7 +3,7 @@
 
 use super::{BOX, Corner, Polytope, Site, determinant, dot};
 
-/// Corners this much (relative to the squared distance of the neighbour) beyond a bisector are on it: exact grids
+/// Corners this much (relative to the squared distance of the neighbor) beyond a bisector are on it: exact grids
 /// have many planes through one corner.
 const ON_PLANE: f64 = 1e-12;
 

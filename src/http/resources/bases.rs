@@ -74,7 +74,7 @@ pub(crate) struct Bases {
 
 /// The bases: one number per basis and row of the upload.
 ///
-/// Normalised so that `HᵀBH = I`. Rows without a result are NaN (null in JSON); duplicates have the values of their
+/// Normalized so that `HᵀBH = I`. Rows without a result are NaN (null in JSON); duplicates have the values of their
 /// first occurrence. Answers in npy, npz and ply support ranges.
 #[utoipa::path(
     get,

@@ -55,7 +55,7 @@ resource!(
 pub(crate) struct Coefficients {
     /// The job.
     job_id: Uuid,
-    /// The cloud it analysed.
+    /// The cloud it analyzed.
     cloud_id: Uuid,
     /// Rows of the upload.
     points: usize,

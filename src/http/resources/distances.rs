@@ -118,7 +118,7 @@ pub(crate) async fn distances(asked: Asked<ReadDistances>) -> Result<Response, P
     if origin.iter().any(|h| h.is_nan()) {
         return Err(Problem::new(
             Kind::InvalidParameter,
-            format!("row {from} carries no result: it is not finite, or in a component too small to analyse"),
+            format!("row {from} carries no result: it is not finite, or in a component too small to analyze"),
         )
         .with("parameter", "from"));
     }

@@ -47,7 +47,7 @@ pub(crate) const ARGUMENTS: &[Argument] = &[
         alias: None,
         accepts: Accepts::Positive,
         default: "2ε",
-        meaning: "Radius of the neighbourhoods, in units of the cloud.",
+        meaning: "Radius of the neighborhoods, in units of the cloud.",
     },
     Argument {
         name: "limit",
@@ -69,7 +69,7 @@ resource!(
 pub(crate) struct Features {
     /// The job.
     job_id: Uuid,
-    /// The cloud it analysed.
+    /// The cloud it analyzed.
     cloud_id: Uuid,
     /// Rows of the upload.
     points: usize,
@@ -77,7 +77,7 @@ pub(crate) struct Features {
     rows_without_result: usize,
     /// Modes that were looked at.
     modes: usize,
-    /// Radius of the neighbourhoods, in units of the cloud.
+    /// Radius of the neighborhoods, in units of the cloud.
     radius: f64,
     /// Index ranges `[first, last]` of modes whose extrema depend on an arbitrary choice of bases.
     clusters: Vec<[usize; 2]>,

@@ -91,7 +91,7 @@ pub(crate) const TARGET: &[Argument] = &[
     asked::format(
         &["ply", "json", "npy", "npz", "csv", "xyz", "las", "laz", "pcd", "obj", "off", "stl", "png"],
         "by Accept, else ply",
-        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz`, `pcd`, `obj`, `off` and `stl` are the upload with the filtered numbers in place, as far as the format holds it; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, coloured by the first field that was filtered.",
+        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz`, `pcd`, `obj`, `off` and `stl` are the upload with the filtered numbers in place, as far as the format holds it; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, colored by the first field that was filtered.",
     ),
     points::ENCODING,
     points::NONFINITE,
@@ -111,7 +111,7 @@ resource!(
 pub(crate) struct Filtered {
     /// The job.
     job_id: Uuid,
-    /// The cloud it analysed.
+    /// The cloud it analyzed.
     cloud_id: Uuid,
     /// Rows of the upload.
     points: usize,

@@ -1,4 +1,4 @@
-//! `GET /jobs/{id}/bases/{basis}/image.png`: the cloud coloured by one of its bases.
+//! `GET /jobs/{id}/bases/{basis}/image.png`: the cloud colored by one of its bases.
 
 use axum::extract::{Path, State};
 use axum::http::{Extensions, HeaderMap, Method, Uri};
@@ -25,8 +25,8 @@ resource!(
 
 /// A picture of a basis.
 ///
-/// Zero is pale, the two signs are blue and orange, rows without a result are grey; which sign has which colour is as
-/// arbitrary as the sign of a basis. The colours end at the 99.5th percentile of the magnitudes.
+/// Zero is pale, the two signs are blue and orange, rows without a result are grey; which sign has which color is as
+/// arbitrary as the sign of a basis. The colors end at the 99.5th percentile of the magnitudes.
 #[utoipa::path(
     get,
     path = "/jobs/{id}/bases/{basis}/image.png",

@@ -48,7 +48,7 @@ resource!(
 pub(crate) struct OperatorView {
     /// The job.
     job_id: Uuid,
-    /// The cloud it analysed.
+    /// The cloud it analyzed.
     cloud_id: Uuid,
     /// What the job computed.
     kind: JobKind,

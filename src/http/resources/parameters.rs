@@ -126,7 +126,7 @@ pub(crate) const PARAMETERS: &[Argument] = &[
         "sheet_aware",
         Accepts::Switch,
         "not paper",
-        "Couple only neighbours on the same sheet of the surface.",
+        "Couple only neighbors on the same sheet of the surface.",
     ),
     argument(
         "surface_distances",

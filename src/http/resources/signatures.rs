@@ -119,7 +119,7 @@ pub(crate) fn no_scale(bases: usize) -> Problem {
     Problem::new(
         Kind::NoSuchResult,
         format!(
-            "the job has {bases} bases, none of them with an eigenvalue above 0; analyse with more bases"
+            "the job has {bases} bases, none of them with an eigenvalue above 0; analyze with more bases"
         ),
     )
 }

@@ -40,7 +40,7 @@ resource!(
 pub(crate) struct SpectrumView {
     /// The job.
     job_id: Uuid,
-    /// The cloud it analysed.
+    /// The cloud it analyzed.
     cloud_id: Uuid,
     /// Area of the surface, measured in two ways.
     area: AreaView,

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn known_bytes_are_recognised_in_a_list() {
+    fn known_bytes_are_recognized_in_a_list() {
         let known = |value| is_known(&headers(&[(header::IF_NONE_MATCH, value)]), "\"e\"");
         assert!(known("\"a\", \"e\""));
         assert!(known("W/\"e\""));

@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sane_id_is_honoured_and_a_strange_one_is_not() {
+    fn a_sane_id_is_honored_and_a_strange_one_is_not() {
         assert_eq!(chosen("abc-123").as_deref(), Some("abc-123"));
         assert_eq!(chosen("two words"), None);
         assert_eq!(chosen("quote\"d"), None);
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn an_id_over_the_limit_is_not_honoured() {
+    fn an_id_over_the_limit_is_not_honored() {
         let header = |length: usize| {
             HeaderMap::from_iter([(REQUEST_ID, HeaderValue::from_str(&"a".repeat(length)).unwrap())])
         };

@@ -13,7 +13,7 @@ use crate::spectrum::vectors::scalar::Scalar;
 use crate::spectrum::vectors::sparse_product::sparse_product;
 use crate::spectrum::vectors::start;
 
-/// Largest relative residual of the probe after a factorisation. A release of the kernel library once gave silently
+/// Largest relative residual of the probe after a factorization. A release of the kernel library once gave silently
 /// wrong factors.
 const PROBE_MAX: f64 = 1e-6;
 
@@ -24,7 +24,7 @@ const CONTRACTION_MAX: f64 = 0.1;
 const ROWS_MIN: usize = 4_096;
 
 impl Symbolic {
-    /// Factors `A + shift·I` for a positive semi-definite `A` of the analysed pattern and `shift > 0`: in single precision
+    /// Factors `A + shift·I` for a positive semi-definite `A` of the analyzed pattern and `shift > 0`: in single precision
     /// where that leaves a small share of the error.
     ///
     /// # Errors
@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn canceled_factorisations_and_solutions_end() {
+    fn canceled_factorizations_and_solutions_end() {
         let (problem, symbolic) = analyzed();
         let progress = Progress::new();
         let factor = symbolic.factor(&problem.matrix, problem.shift, &progress).unwrap();

@@ -28,7 +28,7 @@ impl From<Vec<u32>> for Elimination {
 
 /// An elimination order of few fill-ins.
 ///
-/// Splits at the median of the longest axis; the separator is those points of the left half that have a neighbour in
+/// Splits at the median of the longest axis; the separator is those points of the left half that have a neighbor in
 /// the right half; both parts come before it. For the 7-point stencil of a surface this leaves about 65 nonzeros a
 /// row in the factor at 600,000 points.
 ///
@@ -83,7 +83,7 @@ pub fn nested_dissection<'a>(matrix: &Sparse, position: impl Fn(u32) -> &'a [f64
             order.extend(separator);
             continue;
         }
-        // selection scrambles; ascending indices keep neighbours together
+        // selection scrambles; ascending indices keep neighbors together
         left.sort_unstable();
         right.sort_unstable();
         stack.push(Pending::Separator(separator));

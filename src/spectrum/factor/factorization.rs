@@ -1,4 +1,4 @@
-//! Supernodal factorisation `L S Lᵀ`, looking left (Ng and Peyton 1993): the parts of the elimination order that do not
+//! Supernodal factorization `L S Lᵀ`, looking left (Ng and Peyton 1993): the parts of the elimination order that do not
 //! touch each other side by side, then what they have in common, its rows side by side.
 //!
 //! Every part is a task, and rows are split by their number alone: the bits do not depend on the number of threads.

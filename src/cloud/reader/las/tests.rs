@@ -11,13 +11,13 @@ use super::*;
 
 const OFFSET: [f64; 3] = [500_000.0, 5_200_000.0, 100.0];
 
-/// A point like those of airborne scans, at multiples of a millimetre.
+/// A point like those of airborne scans, at multiples of a millimeter.
 fn point(i: i32, format: PointFormat) -> Point {
-    let millimetre = |axis: usize, steps: i32| f64::from(steps) * 0.001 + OFFSET[axis];
+    let millimeter = |axis: usize, steps: i32| f64::from(steps) * 0.001 + OFFSET[axis];
     Point {
-        x: millimetre(0, i * 1_237),
-        y: millimetre(1, -i * 991),
-        z: millimetre(2, i % 17),
+        x: millimeter(0, i * 1_237),
+        y: millimeter(1, -i * 991),
+        z: millimeter(2, i % 17),
         intensity: (i * 3) as u16,
         return_number: 1 + (i % 2) as u8,
         number_of_returns: 2,

@@ -59,7 +59,7 @@ fn ascii_binary_and_compressed_files_hold_the_same_cloud() {
 }
 
 #[test]
-fn an_integer_colour_with_alpha_becomes_four_fields() {
+fn an_integer_color_with_alpha_becomes_four_fields() {
     let bytes = b"VERSION .7\nFIELDS x y z rgba\nSIZE 4 4 4 4\nTYPE F F F U\nWIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA ascii\n\
         0 0 0 2164326657\n";
     let fields: Vec<_> = cloud(bytes).fields().iter().map(|f| (f.name.clone(), f.values[0])).collect();

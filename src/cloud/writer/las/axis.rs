@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_on_a_grid_of_millimetres_are_written_on_it() {
+    fn coordinates_on_a_grid_of_millimeters_are_written_on_it() {
         let axis = axis(&[500_000.123, 500_017.5, 500_100.001]);
         assert_eq!(axis.scale.to_bits(), 0.001_f64.to_bits());
         assert_eq!(axis.offset, 500_100.0);
