@@ -208,7 +208,8 @@ pub fn analyze_by(
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, surveyed, triangles));
     progress.checkpoint()?;
-    let (Assembled { laplacian, narrow }, place) = without_small_components(assembled, &warnings)?;
+    let (Assembled { laplacian, narrow }, place) =
+        without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
     let used = laplacian.mass.len();
@@ -365,6 +366,7 @@ fn warnings_of_dimension(frames: &Frames) -> Vec<String> {
 /// returns every point's place. A refusal tells the warnings too, which no report will.
 fn without_small_components(
     assembled: Assembled,
+    looks_thinner: bool,
     warnings: &[String],
 ) -> Result<(Assembled, Vec<u32>), AnalysisError> {
     let Assembled { laplacian, narrow } = assembled;
@@ -375,10 +377,14 @@ fn without_small_components(
     }
     let keep: Vec<u32> =
         (0..n as u32).filter(|&i| found.size[found.label[i as usize] as usize] >= COMPONENT_MIN).collect();
-    if keep.is_empty() {
-        let mut reasons = vec![format!(
-            "no {COMPONENT_MIN} of the {n} points are connected: the cut-off radius is smaller than the spacing"
-        )];
+    // A curve that is taken for a surface falls apart, and what is left of it by chance is no result.
+    if keep.is_empty() || (looks_thinner && 2 * keep.len() < n) {
+        let connected = if keep.is_empty() {
+            format!("no {COMPONENT_MIN} of the {n} points are connected")
+        } else {
+            format!("only {} of the {n} points are connected to {COMPONENT_MIN} or more", keep.len())
+        };
+        let mut reasons = vec![format!("{connected}: the cut-off radius is smaller than the spacing")];
         reasons.extend_from_slice(warnings);
         return Err(AnalysisError::Cloud(reasons.join("; ")));
     }

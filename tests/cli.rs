@@ -84,7 +84,8 @@ fn the_same_seed_gives_the_same_file() {
 
 #[rstest]
 #[case("sample klein-bottle -o a.ply", "klein-bottle")]
-#[case("sample sphere -o a.stl", "ply, obj, off, xyz, csv, npy, las, laz are possible")]
+#[case("sample sphere -o a.stl", "`--sampling grid` makes them")]
+#[case("sample sphere -o a.e57", "the extension chooses the format; ply, ")]
 #[case("sample sphere -n 0 -o a.ply", "points=0: 1 to 10000000 are possible")]
 #[case("sample sphere --angle 30 -o a.ply", "angle=30")]
 #[case("sample sphere --noise -1 -o a.ply", "noise=-1")]
@@ -497,7 +498,7 @@ fn keys_are_added_listed_rotated_and_revoked() {
     "sphere.npy is a file; a directory that `chladni analyze sphere.npy -o DIR` fills"
 )]
 #[case("render sphere.npy -o a.svg", "sphere.npy is a file; a directory")]
-#[case("filter out -o - --output-format xyz", "--output-format xyz: ply, npy, json are possible")]
+#[case("filter out -o - --output-format stl", "STL holds triangles")]
 #[case("filter out --cutoff 11 -o f.ply", "up to 10")]
 #[case("filter out --filter heat -o f.ply", "`time` or `cutoff` is needed")]
 #[case("filter out --field red -o f.ply", "no field `red`")]

@@ -82,6 +82,10 @@ pub(crate) fn run(args: &SampleArgs) -> Result<(), Failure> {
     }
     let request = SampleRequest { shape, points, sampling, noise, seed, angle };
     let cloud = sample(&request).map_err(Failure::input)?;
+    if format == Format::Stl && cloud.faces().is_empty() {
+        let message = "STL holds triangles, and this cloud has none; `--sampling grid` makes them";
+        return Err(Failure::Input(message.to_owned()));
+    }
     output::write_file(output, |out| writer::write(&cloud, format, out))?;
     let (points, triangles) = (cloud.len(), cloud.faces().len());
     let what = format!(

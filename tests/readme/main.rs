@@ -183,22 +183,29 @@ fn the_readme_is_short() {
     assert!(page("README.md").lines().count() <= 150);
 }
 
+/// The anchors of a page's headings.
+fn anchors(text: &str) -> Vec<String> {
+    let headings = text.lines().filter(|line| line.starts_with('#'));
+    let kept = |c: &char| c.is_alphanumeric() || " -_".contains(*c);
+    let anchor =
+        |line: &str| line.trim_matches('#').trim().to_lowercase().chars().filter(kept).collect::<String>();
+    headings.map(|line| anchor(line).replace(' ', "-")).collect()
+}
+
 #[test]
 fn every_picture_and_every_link_of_every_page_is_there() {
     let mut found = 0;
     for name in PAGES {
         let text = page(name);
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
-        let folder = folder.parent().unwrap();
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
         let targets = text.match_indices("](").map(|(at, _)| text[at + 2..].split(')').next().unwrap());
         for target in targets.filter(|target| !target.starts_with("http")) {
-            match target.strip_prefix('#') {
-                Some(anchor) => {
-                    let headings = text.lines().filter_map(|line| line.strip_prefix("## "));
-                    let mut anchors = headings.map(|h| h.to_lowercase().replace(' ', "-"));
-                    assert!(anchors.any(|a| a == anchor), "{name}: #{anchor}");
-                }
-                None => assert!(folder.join(target).exists(), "{name}: {target}"),
+            let (file, anchor) = target.split_once('#').unwrap_or((target, ""));
+            let file = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            assert!(file.exists(), "{name}: {target}");
+            if !anchor.is_empty() {
+                let there = std::fs::read_to_string(&file).unwrap();
+                assert!(anchors(&there).iter().any(|heading| heading == anchor), "{name}: {target}");
             }
             found += 1;
         }

@@ -15,7 +15,7 @@ const HEADER_LINES: usize = 10;
 
 /// Whether a text begins as PTX does: two lines of a count, four of three numbers, four of four.
 pub(super) fn is_ptx(bytes: &[u8]) -> bool {
-    let words = |line: Line<'_>| line.words().map(<[u8]>::to_vec).collect::<Vec<_>>();
+    let words = |line: Line<'_>| line.words().take(5).map(<[u8]>::to_vec).collect::<Vec<_>>();
     let lines: Vec<Vec<Vec<u8>>> = Lines::new(bytes).take(HEADER_LINES).map(words).collect();
     let widths: Vec<usize> = lines.iter().map(Vec::len).collect();
     let is_count = |line: &[Vec<u8>]| line.iter().all(|word| lexical_core::parse::<u32>(word).is_ok());

@@ -253,7 +253,7 @@ fn meshes_have_the_area_of_their_shape() {
 
 #[test]
 fn a_folded_square_has_two_flat_halves_at_the_angle() {
-    let folded = SampleRequest { angle: 90.0, ..SampleRequest::new(Shape::Square, 500) };
+    let folded = SampleRequest { angle: 90.0, ..request(Shape::Square, 500, Sampling::Uniform) };
     let cloud = sample(&folded).unwrap();
     let flat = draw(Shape::Square, 500, Sampling::Uniform);
     for i in 0..500 {
