@@ -17,6 +17,10 @@ colors = rng.integers(0, 256, size=(500, 3), dtype=np.uint8)
 intensity = rng.integers(0, 65536, size=500, dtype=np.uint16)
 
 
+# Brings the turned second scan beside the first: together they are no line.
+BESIDE = [5700000.0, 4700000.0, 3.0]
+
+
 def convert(source, *arguments):
     """What chladni reads in a file, as an array."""
     with tempfile.TemporaryDirectory() as folder:
@@ -157,7 +161,7 @@ def read_by_chladni(folder):
     try:
         import pye57
     except ImportError:
-        print("pye57: not installed, E57 is held by the tests of the crate alone")
+        print("pye57 is not installed: only the tests of the crate cover E57")
         return
     path = str(folder / "a.e57")
     with pye57.E57(path, mode="w") as file:
@@ -165,7 +169,7 @@ def read_by_chladni(folder):
         data["intensity"] = intensity.astype(np.float32)
         file.write_scan_raw(data)
         data["cartesianX"] = data["cartesianX"] + 1
-        file.write_scan_raw(data, rotation=np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)]), translation=np.array([1.0, 2, 3]))
+        file.write_scan_raw(data, rotation=np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)]), translation=np.array(BESIDE))
     found, fields = convert(Path(path), "--scan", "0")
     with pye57.E57(path) as file:
         # pye57 writes single precision: what it reads back is compared.
@@ -174,7 +178,7 @@ def read_by_chladni(folder):
     check("pye57, first scan", found, kept(first), 0)
     check("pye57, intensity", fields["intensity"], intensity, 0)
     moved = kept(second)
-    turned = np.column_stack([-moved[:, 1], moved[:, 0], moved[:, 2]]) + [1.0, 2, 3]
+    turned = np.column_stack([-moved[:, 1], moved[:, 0], moved[:, 2]]) + BESIDE
     check("pye57, second scan in its pose", convert(Path(path), "--scan", "1")[0], turned, 2e-9)
     both, fields = convert(Path(path))
     check("pye57, all scans", both, np.vstack([kept(first), turned]), 2e-9)

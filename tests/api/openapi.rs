@@ -165,9 +165,9 @@ fn lists_of_an_example_are_as_long_as_the_example_says() {
 
 /// The example of a field, wherever the schema has it.
 fn example_of(schema: &Value, field: &str) -> Option<Value> {
-    let parts = ["allOf", "oneOf"].into_iter().filter_map(|part| schema[part].as_array()).flatten();
+    let mut parts = ["allOf", "oneOf"].into_iter().filter_map(|part| schema[part].as_array()).flatten();
     let own = schema["properties"][field]["examples"].get(0).cloned();
-    own.or_else(|| parts.filter_map(|part| example_of(part, field)).next())
+    own.or_else(|| parts.find_map(|part| example_of(part, field)))
 }
 
 fn refers(schema: &Value) -> bool {
