@@ -33,7 +33,7 @@ test:
 
 # The tests on scans, where these are; they are no part of the project
 scans:
-    if [ -d ../shared/data ]; then cargo test --test scans --test numerics -- --ignored; else echo 'SKIPPED: ../shared/data is not there.'; fi
+    .ci/scans
 
 # The library without its server: builds, and passes its own tests
 library:
