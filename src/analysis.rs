@@ -15,7 +15,7 @@ pub use error::AnalysisError;
 pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;
 pub use memory::memory_estimate;
-pub use parameters::{Additions, JobKind, Parameters};
+pub use parameters::{Additions, JobKind, Parameters, Task};
 pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 

@@ -6,6 +6,7 @@ mod client;
 mod completions;
 mod demo;
 mod environment;
+mod flags;
 mod harmonics;
 mod health;
 mod input;

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::Surroundings;
+use crate::arguments::arguments;
 use crate::cloud::writer::{Column, PlyEncoding, PlyHeader, axis_name, encode_rows};
 use crate::cloud::{PointCloud, ScalarType};
 
@@ -20,6 +21,35 @@ pub const PERSISTENCE_MIN: f64 = 0.1;
 
 /// Radius of the neighbourhoods when nothing is said, as a multiple of the covering radius ε.
 pub const RADIUS_IN_EPSILON: f64 = 2.0;
+
+arguments! {
+    /// Which feature points are looked for.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct FeatureRequest {
+        /// Look at this number of the lowest modes only: they are the more stable.
+        modes: Option<usize> = integer(2, usize::MAX), absent "all";
+        /// Least persistence of an extremum, as a multiple of a basis' root mean square.
+        persistence: f64 = nonnegative, default PERSISTENCE_MIN;
+        /// Radius of the neighborhoods, in units of the cloud.
+        radius: Option<f64> = positive, absent "2ε";
+        /// Only this number of the most persistent feature points.
+        limit: Option<usize> = integer(1, usize::MAX), absent "all";
+    }
+}
+
+impl FeatureRequest {
+    /// Radius of the neighborhoods on a cloud with covering radius `epsilon`.
+    #[must_use]
+    pub fn radius(&self, epsilon: f64) -> f64 {
+        self.radius.unwrap_or(RADIUS_IN_EPSILON * epsilon)
+    }
+
+    /// Number of modes looked at, of `available`.
+    #[must_use]
+    pub fn modes(&self, available: usize) -> usize {
+        self.modes.map_or(available, |modes| modes.min(available))
+    }
+}
 
 /// A hill of `|H|`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -19,11 +19,11 @@ mod surroundings;
 pub mod transform;
 
 pub use block::Block;
-pub use distances::{Distance, DistanceKind};
-pub use features::Feature;
+pub use distances::{Distance, DistanceKind, DistanceRequest};
+pub use features::{Feature, FeatureRequest};
 pub use filter::{Filter, FilterError, FilterKind, Scale, Transfer};
 pub use functions::Function;
 pub use modes::Modes;
-pub use signatures::{Signature, SignatureKind};
+pub use signatures::{Signature, SignatureKind, SignatureRequest};
 pub use surroundings::Surroundings;
-pub use transform::{Energy, Transformed};
+pub use transform::{Bands, Energy, Transformed};

@@ -67,7 +67,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(signatures::signatures))
         .routes(routes!(distances::distances))
         .routes(routes!(similarity::similarity))
-        .routes(routes!(files::file))
+        .merge(files::router())
 }
 
 /// The OpenAPI document of all routes.

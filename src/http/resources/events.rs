@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::time::Duration;
 
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
@@ -16,7 +16,7 @@ use super::jobs::JobView;
 use crate::http::notation::{now, parse_id};
 use crate::http::service::Shared;
 use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::Nothing;
+use crate::http::wire::query::FromQuery;
 use crate::store::JobRecord;
 
 /// Pause after which a comment shows that the connection lives.
@@ -62,10 +62,9 @@ pub(crate) struct JobEvent {
 pub(crate) async fn events(
     State(service): State<Shared>,
     Path(id): Path<String>,
-    uri: Uri,
+    FromQuery(()): FromQuery<()>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Nothing::read(&uri)?;
     let id = parse_id(&id)?;
     let known = headers.get("last-event-id").and_then(|value| value.to_str().ok()).map(str::to_owned);
     let job = service.store.job(id).await?;

@@ -21,7 +21,6 @@ pub(super) mod laplacian;
 pub(super) mod metrics;
 pub(super) mod operator;
 pub(super) mod page;
-pub(super) mod parameters;
 pub(super) mod points;
 pub(super) mod problems;
 pub(super) mod signatures;

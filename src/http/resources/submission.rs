@@ -17,70 +17,114 @@ use super::clouds::CloudView;
 use super::idempotency::{self, IdempotencyKey, Key};
 use super::jobs;
 use super::jobs::JobView;
-use super::parameters::{self, KIND, PARAMETERS};
-use crate::analysis::{JobKind, Parameters, admit, lower_bases};
-use crate::cloud::reader::{self, Format, ReadOptions};
-use crate::cloud::{NonFinite, PointCloud};
+use crate::analysis::{JobKind, Parameters, Task, admit, lower_bases};
+use crate::arguments::{self, Accepts, Argument, ArgumentError, Arguments, arguments, groups};
+use crate::cloud::PointCloud;
+use crate::cloud::reader::{self, Format, ReadOptions, ReadRequest};
 use crate::http::notation::{now, parse_id};
 use crate::http::service::{Service, Shared};
 use crate::http::wait::{preferred_wait, settled};
 use crate::http::wire::body::{IncomingBody, Received};
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Arguments, Nothing, arguments};
+use crate::http::wire::query::{FromQuery, from_json};
 use crate::http::wire::retry;
 use crate::http::wire::upload::Upload;
 use crate::store::{Owner, Submitted};
-
-/// How the upload is read.
-pub(crate) const UPLOAD: &[Argument] = &[
-    Argument {
-        name: "format",
-        alias: None,
-        accepts: Accepts::Word(&[
-            "ply", "obj", "off", "stl", "xyz", "csv", "npy", "pcd", "las", "laz", "e57",
-        ]),
-        default: "from Content-Type, then the file's name, then the bytes",
-        meaning: "Format of the file.",
-    },
-    Argument {
-        name: "nonfinite",
-        alias: None,
-        accepts: Accepts::Word(&["reject", "drop"]),
-        default: "reject",
-        meaning: "What to do with rows that have a NaN or infinite coordinate: refuse the cloud, or keep the rows without a result.",
-    },
-    Argument {
-        name: "coordinates",
-        alias: None,
-        accepts: Accepts::Integer(1, crate::cloud::DIMENSION_MAX as u64),
-        default: "3 or all columns, by format",
-        meaning: "For tables (XYZ, CSV, NPY): the first so many columns are coordinates, the others fields.",
-    },
-    Argument {
-        name: "scan",
-        alias: None,
-        accepts: Accepts::Integer(0, u64::MAX),
-        default: "all of them",
-        meaning: "For files of several scans (E57, PTX): which one, counting from 0.",
-    },
-    Argument {
-        name: "analyze",
-        alias: Some("analyse"),
-        accepts: Accepts::Switch,
-        default: "true",
-        meaning: "Queue a job on the cloud. `false` only stores it.",
-    },
-];
 
 /// Memory of a cloud and of what is looked at of it before an analysis, over the cloud's.
 const ADMISSION_FACTOR: u64 = 4;
 /// JSON of `POST /clouds/{id}/jobs` is small.
 const JOB_BYTES_MAX: u64 = 64 << 10;
 
-arguments!(
+arguments! {
+    /// What follows an upload.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) struct Analyze {
+        /// Queue a job on the cloud. `false` only stores it.
+        #[alias = "analyse"]
+        analyze: bool = switch, default true;
+    }
+}
+
+groups! {
+    /// How an upload is read, and what follows.
+    #[derive(Debug)]
+    pub(crate) struct ReadUpload {
+        /// Read how.
+        reading: ReadRequest,
+        /// What follows.
+        analyze: Analyze,
+    }
+}
+
+/// Parameters, and whether the number of bases is the client's own choice.
+#[derive(Debug, Default)]
+pub(crate) struct Chosen {
+    parameters: Parameters,
+    is_bases_given: bool,
+}
+
+impl Arguments for Chosen {
+    fn table() -> Vec<Argument> {
+        Parameters::table()
+    }
+
+    fn set(&mut self, name: &str, value: &arguments::Value) -> bool {
+        self.is_bases_given |= name == "bases";
+        self.parameters.set(name, value)
+    }
+}
+
+groups! {
+    /// What a job computes, and how.
+    #[derive(Debug)]
+    pub(crate) struct JobArguments {
+        /// What.
+        task: Task,
+        /// How.
+        parameters: Chosen,
+    }
+}
+
+groups! {
     /// Query of `POST /clouds`.
-    SubmitCloud = UPLOAD, cloud_name::NAME, KIND, PARAMETERS
-);
+    #[derive(Debug)]
+    pub(crate) struct SubmitCloud {
+        /// Its name.
+        naming: cloud_name::Naming,
+        /// The upload.
+        upload: ReadUpload,
+        /// The job.
+        job: JobArguments,
+    }
+}
+
+impl JobArguments {
+    /// Kind and parameters, checked as far as that goes without a cloud.
+    ///
+    /// # Errors
+    /// A problem that names the parameter and what would be accepted.
+    fn checked(self, bases_max: usize) -> Result<(JobKind, Parameters), Problem> {
+        let (kind, parameters) = (self.task.kind, self.parameters.parameters);
+        let narrowed = narrowed(bases_max);
+        if let Some(bases) = narrowed.iter().find(|argument| argument.name == "bases")
+            && !bases.accepts.holds(&arguments::Value::Integer(parameters.bases))
+        {
+            return Err(ArgumentError::value(bases, &parameters.bases.to_string()).into());
+        }
+        parameters.check()?;
+        Ok((kind, parameters))
+    }
+}
+
+/// The arguments of a job on a service that computes up to `bases_max` bases.
+pub(crate) fn narrowed(bases_max: usize) -> Vec<Argument> {
+    let mut table = JobArguments::table();
+    for argument in table.iter_mut().filter(|argument| argument.name == "bases") {
+        argument.accepts = Accepts::Integer(1, bases_max);
+    }
+    table
+}
 
 /// What a submission came to.
 #[derive(Debug, Serialize, ToSchema)]
@@ -119,7 +163,7 @@ pub(crate) struct JobRequest {
     post,
     path = "/clouds",
     tag = "clouds",
-    params(SubmitCloud, IdempotencyKey),
+    params(FromQuery<SubmitCloud>, IdempotencyKey),
     request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
@@ -135,10 +179,11 @@ pub(crate) struct JobRequest {
 )]
 pub(crate) async fn post_cloud(
     State(service): State<Shared>,
+    FromQuery(asked): FromQuery<SubmitCloud>,
     uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, &uri, body, None).await
+    receive(&service, asked, &uri, body, None).await
 }
 
 /// Uploads a cloud: the same as POST, for `curl -T`.
@@ -146,7 +191,7 @@ pub(crate) async fn post_cloud(
     put,
     path = "/clouds",
     tag = "clouds",
-    params(SubmitCloud, IdempotencyKey),
+    params(FromQuery<SubmitCloud>, IdempotencyKey),
     request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
@@ -157,10 +202,11 @@ pub(crate) async fn post_cloud(
 )]
 pub(crate) async fn put_cloud(
     State(service): State<Shared>,
+    FromQuery(asked): FromQuery<SubmitCloud>,
     uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, &uri, body, None).await
+    receive(&service, asked, &uri, body, None).await
 }
 
 /// Uploads a cloud with its file name, as `curl -T scan.ply http://HOST/clouds/` does.
@@ -170,7 +216,7 @@ pub(crate) async fn put_cloud(
     put,
     path = "/clouds/{id}",
     tag = "clouds",
-    params(("id" = String, Path, description = "The file's name."), SubmitCloud, IdempotencyKey),
+    params(("id" = String, Path, description = "The file's name."), FromQuery<SubmitCloud>, IdempotencyKey),
     request_body(content((CloudFile = "application/octet-stream")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
@@ -182,10 +228,11 @@ pub(crate) async fn put_cloud(
 pub(crate) async fn put_cloud_named(
     State(service): State<Shared>,
     Path(file_name): Path<String>,
+    FromQuery(asked): FromQuery<SubmitCloud>,
     uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, &uri, body, Some(file_name)).await
+    receive(&service, asked, &uri, body, Some(file_name)).await
 }
 
 /// Queues a job on a stored cloud.
@@ -200,7 +247,7 @@ pub(crate) async fn put_cloud_named(
     responses(
         (status = 202, description = "Queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis is there already.", body = Submission),
-        (status = 400, description = "The body is no JSON.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 400, description = "The body is not valid JSON.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
@@ -210,10 +257,11 @@ pub(crate) async fn put_cloud_named(
 pub(crate) async fn post_job(
     State(service): State<Shared>,
     Path(id): Path<String>,
+    query: Result<FromQuery<()>, Problem>,
     uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    Nothing::read(&uri).map_err(|_| {
+    query.map_err(|_| {
         let told = "the query has no parameters here; those of a job are sent as JSON: curl -d '{\"bases\": 50}' URL";
         Problem::new(Kind::UnknownParameter, told)
     })?;
@@ -225,9 +273,9 @@ pub(crate) async fn post_job(
     if let Some(answered) = replayed(&service, &owner, key.as_ref(), wait).await? {
         return Ok(answered);
     }
-    let arguments = job_arguments(&body)?;
-    let (kind, mut parameters) = parameters::read(&arguments, service.limits.bases_max)?;
-    let lowers = arguments.integer("bases").is_none();
+    let asked = job_arguments(&body)?;
+    let lowers = !asked.parameters.is_bases_given;
+    let (kind, mut parameters) = asked.checked(service.limits.bases_max)?;
     // The cloud, and its points without those at the same place.
     reservation.add(ADMISSION_FACTOR * service.store.cloud(id).await?.bytes()).await?;
     let cloud = service.store.load_cloud(id).await?;
@@ -270,10 +318,10 @@ async fn remember(
     }
 }
 
-fn job_arguments(bytes: &[u8]) -> Result<Arguments, Problem> {
+fn job_arguments(bytes: &[u8]) -> Result<JobArguments, Problem> {
     let malformed = |detail: String| Problem::new(Kind::MalformedRequest, detail);
     if bytes.trim_ascii().is_empty() {
-        return Ok(Arguments::default());
+        return Ok(JobArguments::default());
     }
     let json: Value = serde_json::from_slice(bytes).map_err(|error| {
         malformed(format!("the body is not JSON ({error}); send parameters as in {{\"bases\": 50}}"))
@@ -283,19 +331,21 @@ fn job_arguments(bytes: &[u8]) -> Result<Arguments, Problem> {
             "the body is not a JSON object; send parameters as in {\"bases\": 50}".to_owned(),
         ));
     };
-    Arguments::from_json(object, &[KIND, PARAMETERS])
+    from_json(&object)
 }
 
 async fn receive(
     service: &Service,
+    asked: SubmitCloud,
     uri: &Uri,
     body: IncomingBody,
     file_name: Option<String>,
 ) -> Result<Response, Problem> {
-    let arguments = SubmitCloud::read(uri)?;
-    let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
+    let SubmitCloud { naming, upload: ReadUpload { reading, analyze }, job } = asked;
+    let lowers = !job.parameters.is_bases_given;
+    let (kind, parameters) = job.checked(service.limits.bases_max)?;
     let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
-    let (headers, target, format) = (body.headers().clone(), uri.clone(), arguments.word("format"));
+    let (headers, target) = (body.headers().clone(), uri.clone());
     let (mut upload, reservation) = Upload::receive(service, body).await?;
     upload.file_name = upload.file_name.or(file_name);
     let named = upload.bytes.clone();
@@ -303,16 +353,10 @@ async fn receive(
     if let Some(answered) = replayed(service, &owner, key.as_ref(), wait).await? {
         return Ok(answered);
     }
-    let name = cloud_name::of(arguments.word("name"), upload.file_name.as_deref())?;
-    let format = upload.format(format.and_then(Format::from_name))?;
-    let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
-    let options = ReadOptions {
-        policy: if arguments.word("nonfinite") == Some("drop") { NonFinite::Drop } else { NonFinite::Reject },
-        dimension: arguments.integer("coordinates").map(|columns| columns as usize),
-        scan: arguments.integer("scan").map(|scan| scan as usize),
-        limits: service.limits.reader,
-    };
-    let lowers = arguments.integer("bases").is_none();
+    let name = cloud_name::of(naming.name.as_deref(), upload.file_name.as_deref())?;
+    let format = upload.format(reading.format)?;
+    let job = analyze.analyze.then_some((kind, parameters));
+    let options = reading.options(service.limits.reader);
     let (cloud, job) = service.reading.run(move || read(upload, format, &options, job, lowers)).await??;
     let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
     if let (Some(name), None) = (name, &submitted.cloud.name) {
@@ -405,16 +449,4 @@ async fn answer(
         response.headers_mut().insert(applied, HeaderValue::from_static("wait"));
     }
     Ok(response)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_formats_offered_are_the_formats_read() {
-        let Accepts::Word(words) = UPLOAD[0].accepts else { panic!("format is a word") };
-        let names: Vec<_> = Format::ALL.iter().map(|format| format.name()).collect();
-        assert_eq!(words, names);
-    }
 }
