@@ -1,6 +1,7 @@
 //! The HTTP interface: one file per resource. The route table below is the index of the service.
 
 mod examples;
+mod generators;
 mod notation;
 mod openapi;
 mod paging;
@@ -20,6 +21,7 @@ use utoipa::openapi::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+pub use openapi::yaml;
 pub use service::{Limits, Pools, Service};
 pub use wire::guard::{Hosts, NoPlace};
 pub use wire::keys::{Keys, KeysError};
@@ -41,7 +43,8 @@ fn routes() -> OpenApiRouter<Shared> {
     OpenApiRouter::with_openapi(openapi::base())
         .routes(routes!(index::index))
         .routes(routes!(capabilities::capabilities))
-        .routes(routes!(docs::openapi))
+        .routes(routes!(docs::openapi_yaml))
+        .routes(routes!(docs::openapi_json))
         .routes(routes!(docs::docs))
         .routes(routes!(problems::problem_kind))
         .routes(routes!(health::livez))
@@ -73,7 +76,7 @@ fn routes() -> OpenApiRouter<Shared> {
 /// The OpenAPI document of all routes.
 #[must_use]
 pub fn document() -> OpenApi {
-    examples::illustrate(routes().into_openapi())
+    examples::illustrate(generators::complete(routes().into_openapi(), &files::named()))
 }
 
 /// Made once, when it is first asked for: it takes milliseconds.

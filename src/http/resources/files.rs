@@ -11,10 +11,11 @@ use super::{bases, coefficients, distances, features, filtered, operator, signat
 use crate::http::results::offered::Resource;
 use crate::http::results::request::ResultRequest;
 use crate::http::service::Shared;
+use crate::http::wire::accept::Offer;
 use crate::http::wire::problem::Problem;
 
 /// Results that have file names, by the last part of their path, with their formats.
-pub(crate) fn named() -> Vec<(&'static str, &'static [&'static str])> {
+pub(crate) fn named() -> Vec<(&'static str, &'static [Offer])> {
     routes().1
 }
 
@@ -23,7 +24,7 @@ pub(crate) fn router() -> OpenApiRouter<Shared> {
     routes().0
 }
 
-type Routes = (OpenApiRouter<Shared>, Vec<(&'static str, &'static [&'static str])>);
+type Routes = (OpenApiRouter<Shared>, Vec<(&'static str, &'static [Offer])>);
 
 fn routes() -> Routes {
     let routes = Routes::default();
@@ -55,6 +56,6 @@ where
         };
         router = router.route(&format!("/jobs/{{id}}/{name}.{}", offer.name), get(file));
     }
-    named.push((name, R::NAMES));
+    named.push((name, R::OFFERS));
     (router, named)
 }

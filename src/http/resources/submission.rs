@@ -143,6 +143,15 @@ pub(crate) struct Submission {
 #[allow(dead_code)] // names the request body in the OpenAPI document
 pub(crate) struct CloudFile(Vec<u8>);
 
+/// A form whose first file is the cloud.
+#[derive(Debug, ToSchema)]
+#[allow(dead_code)] // names the request body in the OpenAPI document
+pub(crate) struct CloudForm {
+    /// The file of points.
+    #[schema(value_type = String, format = Binary)]
+    file: Vec<u8>,
+}
+
 /// Parameters of a job: the fields of the query of `POST /clouds`.
 #[derive(Debug, ToSchema)]
 #[allow(dead_code)] // names the request body in the OpenAPI document
@@ -164,7 +173,7 @@ pub(crate) struct JobRequest {
     path = "/clouds",
     tag = "clouds",
     params(FromQuery<SubmitCloud>, IdempotencyKey),
-    request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
+    request_body(content((CloudFile = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
@@ -192,7 +201,7 @@ pub(crate) async fn post_cloud(
     path = "/clouds",
     tag = "clouds",
     params(FromQuery<SubmitCloud>, IdempotencyKey),
-    request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
+    request_body(content((CloudFile = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
