@@ -296,6 +296,8 @@ async fn every_link_of_the_page_leads_somewhere_every_call_has_a_command_and_no_
     }
     assert_eq!(html.matches("<pre class=\"run\">curl").count(), html.matches("<summary><b>").count());
     assert!(html.matches("<pre>{").count() > 10, "answers have examples");
+}
+
 /// Bytes are strings of format `binary`, a file under its name has one media type, and a form has its file.
 #[test]
 fn generators_of_clients_understand_bodies() {
