@@ -281,10 +281,15 @@ mod tests {
             (PNG, "inline; filename=\"x.png\""),
             (crate::http::wire::accept::NPY, "attachment; filename=\"x.npy\""),
         ] {
-            let download = Download { offer, tag: "t".to_owned(), stem: "x".to_owned(), length: Some(1) };
-            let answer = download
-                .answer(&Method::GET, &HeaderMap::new(), Reservation::small(), |_| Body::from("1"))
-                .unwrap();
+            let headers = HeaderMap::new();
+            let plan = Plan {
+                method: &Method::GET,
+                headers: &headers,
+                offer,
+                tag: "t".to_owned(),
+                stem: "x".to_owned(),
+            };
+            let answer = plan.send(Reservation::small(), b"1".to_vec()).unwrap();
             assert_eq!(answer.headers()[header::CONTENT_DISPOSITION], expected);
             assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff");
         }
