@@ -40,6 +40,10 @@ library:
     cargo clippy --locked --no-default-features --lib -- -D warnings
     cargo test --locked --no-default-features --lib --test numerics --test architecture
 
+# The Python package in a virtual environment of its own: build, tests, types
+python:
+    .ci/python
+
 # The synthetic scan through the whole service
 demo:
     cargo run --locked --release -- demo --exit
