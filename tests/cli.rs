@@ -215,7 +215,11 @@ fn a_signal_cancels_leaves_nothing_behind_and_is_what_the_process_dies_of(
     use std::os::unix::process::ExitStatusExt;
     let folder = tempdir().unwrap();
     succeeded(&chladni(&folder, "sample sphere --points 60000 -o a.ply"));
-    let mut child = command(&folder, "analyze a.ply -k 100 -o out")
+    // A shell starts what it runs in the background with SIGINT ignored, and chladni leaves ignored signals alone.
+    let mut child = Command::new("env")
+        .args(["--default-signal", env!("CARGO_BIN_EXE_chladni")])
+        .args(["analyze", "a.ply", "-k", "100", "-o", "out"])
+        .current_dir(folder.path())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
