@@ -16,7 +16,7 @@
 //!
 //! # Clouds
 //!
-//! [`read`] takes the bytes of a file in any [`Format`]; [`write`] writes one. A [`PointCloud`] keeps fields, faces and the
+//! [`read`] takes the bytes of a file in any [`Format`]; [`write()`] writes one. A [`PointCloud`] keeps fields, faces and the
 //! types of the file.
 //!
 //! ```

@@ -1,5 +1,7 @@
 //! From a dropped scan to its modes, and what they look like.
 
+use std::fmt::Write as _;
+
 use chladni::cloud::reader::Format;
 use chladni::cloud::shapes::{SampleRequest, Shape, sample};
 use chladni::cloud::writer::write;
@@ -93,7 +95,7 @@ async fn a_picked_pixel_has_the_row_the_value_and_the_color_of_the_service() {
         let facts = &picked["facts"];
         let [x, y, z] = ["x", "y", "z"].map(|name| facts[name].as_f64().unwrap());
         let point = sphere.point(row);
-        assert_eq!([x, y, z], [point[0], point[1], point[2]]);
+        assert_eq!([x, y, z].map(f64::to_bits), [point[0], point[1], point[2]].map(f64::to_bits));
         assert!(0.5 * x - 0.87 * y + 0.36 * z > 0.3, "{x} {y} {z}");
     }
     browser.close().await;
@@ -107,7 +109,7 @@ async fn rows_without_a_result_are_gray_and_said_to_have_no_value() {
     let mut file = text(&sample(&SampleRequest::new(Shape::Sphere, 1500)).unwrap(), [0.0; 3]);
     for [x, y, z] in [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]] {
         let at = [1.0 + x, -1.7 + y, 0.75 + z];
-        file += &format!("{} {} {}\n", at[0], at[1], at[2]);
+        writeln!(file, "{} {} {}", at[0], at[1], at[2]).unwrap();
     }
     file += "nan nan nan\n";
     let job = service.job("bases=6&operator=voronoi&nonfinite=drop", file).await;
@@ -162,13 +164,13 @@ async fn triangles_are_drawn_where_the_scan_has_faces() {
     let mut mesh = String::new();
     for i in 0..30 {
         for j in 0..30 {
-            mesh += &format!("v {i} {j} {}\n", height(i, j));
+            writeln!(mesh, "v {i} {j} {}", height(i, j)).unwrap();
         }
     }
     for i in 0..29 {
         for j in 0..29 {
             let corner = 30 * i + j + 1;
-            mesh += &format!("f {corner} {} {} {}\n", corner + 1, corner + 31, corner + 30);
+            writeln!(mesh, "f {corner} {} {} {}", corner + 1, corner + 31, corner + 30).unwrap();
         }
     }
     let job = service.job("bases=6&operator=cotangent&format=obj", mesh).await;

@@ -137,7 +137,9 @@ fn noise_is_told_and_taken_out_of_lengths(
     for (i, p) in points.chunks_mut(3).enumerate() {
         // a sum of twelve uniform numbers is nearly normal
         let normal: f64 = (0..12).map(|k| hashed(12 * i as u64 + k)).sum::<f64>() - 6.0;
-        p.iter_mut().for_each(|x| *x *= 1.0 + share * spacing * normal);
+        for x in p.iter_mut() {
+            *x *= 1.0 + share * spacing * normal;
+        }
     }
     let analysis = eigen(&cloud(3, points), &parameters(kind, 17));
     let found = eigenvalues(&analysis);

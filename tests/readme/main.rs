@@ -165,8 +165,8 @@ fn follow(name: &str) -> usize {
         assert_eq!(succeeded, !command.ends_with("# fails"), "{name}: {command}\n{output}");
         if let Some(shown) = shown {
             let start: String = output.chars().take(2000).collect();
-            shown::agrees(shown, &output)
-                .unwrap_or_else(|error| panic!("{name}: {command}\n{error}\nshown: {shown}\nreal: {start}"));
+            let agreed = shown::agrees(shown, &output);
+            assert!(agreed.is_ok(), "{name}: {command}\n{agreed:?}\nshown: {shown}\nreal: {start}");
         }
     }
     steps.len()
