@@ -24,7 +24,7 @@ use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
 
 use crate::cloud::PointCloud;
-use crate::geometry::cells::CellOptions;
+use crate::geometry::cells::{CellKind, CellOptions};
 use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::{Rules, Survey};
 use crate::geometry::{Frames, Points, Sampling, Triangles, cells, components, frames};
@@ -158,7 +158,7 @@ pub fn analyze_by(
     let triangles = triangles(cloud, &points, parameters)?;
 
     progress.enter(Phase::Neighborhoods)?;
-    let Neighborhoods { points, tree, nearest, merged, noise } =
+    let Neighborhoods { points, tree, nearest, merged, strays, noise } =
         Neighborhoods::find(points, parameters, rules, progress)?;
     let frames = frames(&points, &nearest, parameters.dimension, progress)?;
     let mut warnings = warnings_of_dimension(&frames);
@@ -183,6 +183,14 @@ pub fn analyze_by(
         Some(stars) => stars.cells(&points),
         None => cells(&points, &tree, &nearest, &frames, options, progress)?,
     };
+    if parameters.operator.measures_cells() && cells.count(CellKind::Invalid) == points.len() {
+        return Err(AnalysisError::Cloud(format!(
+            "none of the {} Voronoi cells could be measured: around no point do its neighbors lie on a {}-dimensional \
+             manifold (`dimension`)",
+            points.len(),
+            parameters.dimension
+        )));
+    }
     let fidelity = surveyed
         .as_ref()
         .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
@@ -222,7 +230,7 @@ pub fn analyze_by(
         points_used: used,
         duplicates: points.duplicates(),
         nonfinite: cloud.nonfinite(),
-        isolated: points.len() - used,
+        isolated: points.len() - used + strays.len(),
         components: components(used, |i| laplacian.stiffness.neighbors(i)).size.len(),
         sampling,
         heat_kernel: laplacian.heat_kernel,
@@ -233,7 +241,8 @@ pub fn analyze_by(
         fidelity,
         spectrum: None,
     };
-    report.warn_of_sampling();
+    let small = (0..points.len()).filter(|&i| place[i] == NO_PLACE).map(|i| points.row(i));
+    report.warn_of_sampling(strays.into_iter().chain(small).collect());
 
     let mass = laplacian.mass.clone();
     let (stiffness, eigenbasis) = match kind {

@@ -1,9 +1,10 @@
-//! The points that are computed on, and their neighbors: repetitions merged, noise smoothed.
+//! The points that are computed on, and their neighbors: repetitions merged, strays left out, noise smoothed.
 
 use super::{AnalysisError, Parameters};
 use crate::geometry::near::Repetitions;
 use crate::geometry::noise::Noise;
 use crate::geometry::points::POINTS_MIN;
+use crate::geometry::strays::strays;
 use crate::geometry::survey::Rules;
 use crate::geometry::{NearestNeighbors, Points, SearchTree};
 use crate::operator::OperatorKind;
@@ -25,6 +26,8 @@ pub(super) struct Neighborhoods {
     pub(super) nearest: NearestNeighbors,
     /// Points that were merged with others.
     pub(super) merged: usize,
+    /// Rows of points that lie off the surface, ascending.
+    pub(super) strays: Vec<usize>,
     /// Noise along the normals over the spacing.
     pub(super) noise: f64,
 }
@@ -33,11 +36,11 @@ impl Neighborhoods {
     fn of(points: Points, progress: &Progress) -> Result<Self, AnalysisError> {
         let tree = SearchTree::new(&points);
         let nearest = NearestNeighbors::find(&tree, &points, NEIGHBORS, progress)?;
-        Ok(Self { points, tree, nearest, merged: 0, noise: 0.0 })
+        Ok(Self { points, tree, nearest, merged: 0, strays: Vec::new(), noise: 0.0 })
     }
 
-    /// Looks up the neighbors of all points; of those that repeat one another one is left, and noisy ones are moved
-    /// onto the surface through their middle, where the parameters leave room for additions.
+    /// Looks up the neighbors of all points; of those that repeat one another one is left, those off the surface are
+    /// left out, and noisy ones are moved onto the surface through their middle, where the parameters leave room for additions.
     pub(super) fn find(
         points: Points,
         parameters: &Parameters,
@@ -58,15 +61,24 @@ impl Neighborhoods {
             let points = found.points.merged(&repeated.group, &repeated.sizes);
             found = Self { merged, ..Self::of(points, progress)? };
         }
+        if parameters.dimension == 2 && rules.leave_strays {
+            let strays = strays(&found.points, &found.nearest);
+            let left = found.points.len() - strays.len();
+            if !strays.is_empty() && left >= POINTS_MIN.max(parameters.bases) {
+                let mut rows: Vec<usize> = strays.iter().map(|&i| found.points.row(i as usize)).collect();
+                rows.sort_unstable();
+                let (points, merged) = (found.points.without(&strays), found.merged);
+                found = Self { merged, strays: rows, ..Self::of(points, progress)? };
+            }
+        }
         let on_surface = matches!(parameters.operator, OperatorKind::PbMhb | OperatorKind::Voronoi);
         if on_surface && parameters.dimension == 2 {
             let noise = Noise::estimate(&found.points, &found.nearest);
-            let merged = found.merged;
             if rules.smooth_noise && noise.share > NOISE_MIN {
                 let points = noise.smoothed(&found.points, &found.tree, progress)?;
-                found = Self::of(points, progress)?;
+                found = Self { merged: found.merged, strays: found.strays, ..Self::of(points, progress)? };
             }
-            found = Self { merged, noise: noise.share, ..found };
+            found.noise = noise.share;
         }
         Ok(found)
     }

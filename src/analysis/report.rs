@@ -30,7 +30,7 @@ pub struct Report {
     pub duplicates: usize,
     /// Rows with a non-finite coordinate.
     pub nonfinite: usize,
-    /// Points in components too small to analyze; they carry no result.
+    /// Points off the surface or in components too small to analyze; they carry no result.
     pub isolated: usize,
     /// Connected components of the operator's graph.
     pub components: usize,
@@ -58,9 +58,12 @@ const INVALID_SHARE_WARNED: f64 = 0.05;
 const SATURATION_WARNED: f64 = 0.5;
 const DENSITY_RATIO_WARNED: f64 = 50.0;
 
+/// Rows that a warning names at most.
+const ROWS_NAMED: usize = 10;
+
 impl Report {
-    /// Says what the sampling leaves doubtful.
-    pub(super) fn warn_of_sampling(&mut self) {
+    /// Says what the sampling leaves doubtful; `lonely` are the rows of isolated points.
+    pub(super) fn warn_of_sampling(&mut self, mut lonely: Vec<usize>) {
         let sampling = &self.sampling;
         if sampling.invalid_cells as f64 > INVALID_SHARE_WARNED * self.points_used as f64 {
             self.warnings.push(format!(
@@ -75,9 +78,14 @@ impl Report {
         ));
         }
         if self.isolated > 0 {
+            lonely.sort_unstable();
+            let named: Vec<String> = lonely.iter().take(ROWS_NAMED).map(ToString::to_string).collect();
+            let more = if lonely.len() > named.len() { " and others" } else { "" };
             self.warnings.push(format!(
-                "{} points lie in components of fewer than {COMPONENT_MIN} points and carry no result",
-                self.isolated
+                "{} points (rows {}{more}) lie off the surface or in components of fewer than {COMPONENT_MIN} points and \
+                 carry no result",
+                self.isolated,
+                named.join(", ")
             ));
         }
     }

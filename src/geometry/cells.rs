@@ -143,7 +143,7 @@ fn cells_in<const K: usize, P: Polytope<K>>(
 ) -> Result<Vec<Cell>, GeometryError> {
     let n = points.len();
     let steepness_max = if options.sheet_aware { STEEPNESS_MAX } else { 1.0 };
-    let view = View { isometric: options.isometric, steepness_max, sides: None };
+    let view = View { isometric: options.isometric, steepness_max, leaves_out: None };
     let mut all = Vec::with_capacity(n);
     for start in (0..n).step_by(BATCH) {
         progress.advance(start as f64 / n as f64)?;

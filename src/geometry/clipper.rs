@@ -2,7 +2,6 @@
 
 use super::frames::Frames;
 use super::neighborhoods::{Neighbor, SearchTree};
-use super::orientation::Orientation;
 use super::points::Points;
 use super::polytope::{Corner, Polytope, Site, dot};
 
@@ -13,22 +12,19 @@ pub(super) const SPACING_NEIGHBORS: usize = 16;
 /// one in 10⁸ is (the chance of an empty circumcircle of radius r at density ρ is `(1+πρr²)·exp(−πρr²)`).
 const CORNER_RADIUS_MAX: f64 = 2.5;
 
-/// Planes whose oriented normals are more than 90° apart face away from each other.
-pub(super) const FACING_MIN: f64 = 0.0;
-
 /// Neighbors after which a cell is left as it is: on a manifold a hundred reach across the starting box, so that more
 /// lie around points that fill more dimensions.
 const CANDIDATES_MAX: usize = 2_000;
 
 /// How neighbors are seen from a point's tangent space.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub(super) struct View<'a> {
     /// Scale every projected neighbor back to its true distance.
     pub(super) isometric: bool,
     /// Neighbors steeper than this against the tangent space (sine of the angle) are left out.
     pub(super) steepness_max: f64,
-    /// Neighbors of which these planes, as they are oriented, face the other way are left out.
-    pub(super) sides: Option<(&'a Orientation, &'a Frames)>,
+    /// Of a point and its neighbor, whether the neighbor is left out.
+    pub(super) leaves_out: Option<&'a (dyn Fn(usize, u32) -> bool + Sync)>,
 }
 
 /// Scratch memory of one thread.
@@ -94,10 +90,7 @@ impl<P> Clipper<'_, P> {
             if squared_distance > 4.0 * self.polytope.squared_radius() {
                 return true;
             }
-            let faces_away = |(orientation, planes): (&Orientation, &Frames)| {
-                orientation.agreement(planes, i, neighbor as usize) < FACING_MIN
-            };
-            if self.view.sides.is_some_and(faces_away) {
+            if self.view.leaves_out.is_some_and(|leaves_out| leaves_out(i, neighbor)) {
                 continue;
             }
             let flat: [f64; K] = self.frames.project(self.points, i, neighbor as usize);

@@ -13,7 +13,7 @@ use crate::progress::Progress;
 pub const INTRINSIC_MAX: usize = 3;
 
 /// Bound on the QR sweeps of a 3×3 to 8×8 eigenproblem; they take fewer than 10 as a rule.
-const SWEEPS_MAX: usize = 1_000;
+pub(super) const SWEEPS_MAX: usize = 1_000;
 
 /// A principal variance this many times the next ends the tangent space: neighborhoods of 20 points on a surface
 /// have ratios below 4 along it and far above across it, unless their noise is as large as their spacing.

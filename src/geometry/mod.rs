@@ -9,6 +9,7 @@ pub mod delaunay;
 pub mod frames;
 mod gaps;
 pub mod holes;
+mod layers;
 pub mod metric;
 pub mod near;
 pub mod neighborhoods;
@@ -20,6 +21,7 @@ pub mod points;
 pub mod polytope;
 pub mod sampling;
 pub mod stars;
+pub mod strays;
 pub mod survey;
 pub mod triangles;
 

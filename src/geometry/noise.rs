@@ -26,6 +26,11 @@ const QUIET_DEVIATION: f64 = 0.755;
 /// is the surface, too coarsely sampled.
 const EVEN_MIN: f64 = 0.7;
 
+/// Noise is as large among half of the neighbors: where fits deviate there by less than this share, a surface deviates that is
+/// too coarse or too thin for a quadric. Of noise the median of 5 degrees of freedom is 0.95 times that of 15; of a
+/// cubic surface a third.
+const HALF_MIN: f64 = 0.7;
+
 /// Points at which the noise is estimated.
 const SAMPLES: usize = 2_000;
 
@@ -45,15 +50,24 @@ impl Noise {
             return Self { share: 0.0 };
         }
         let stride = points.len().div_ceil(SAMPLES);
-        let mut shares: Vec<f64> = (0..points.len())
+        let mut fits: Vec<(f64, f64)> = (0..points.len())
             .step_by(stride)
             .collect::<Vec<_>>()
             .into_par_iter()
-            .filter_map(|i| Fit::around(points, i, nearest.of(i).iter().copied()).map(|fit| fit.share()))
+            .filter_map(|i| {
+                let fit = |count: usize| Fit::around(points, i, nearest.of(i)[..count].iter().copied());
+                let (all, half) = (fit(NEIGHBORS)?, fit(NEIGHBORS / 2)?);
+                Some((all.share(), half.deviation / all.deviation))
+            })
             .collect();
-        if shares.is_empty() {
+        if fits.is_empty() {
             return Self { share: 0.0 };
         }
+        fits.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+        if fits[fits.len() / 2].1 < HALF_MIN {
+            return Self { share: 0.0 };
+        }
+        let mut shares: Vec<f64> = fits.into_iter().map(|fit| fit.0).collect();
         shares.sort_unstable_by(f64::total_cmp);
         let share = shares[(shares.len() as f64 * QUIET) as usize] / QUIET_DEVIATION;
         let middle = shares[shares.len() / 2];

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::frames::{Axes, Frames, axes_in_any_dimension, axes_in_space};
+use super::layers::better_normal;
 use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::points::Points;
 use super::stars::Stars;
@@ -17,6 +18,14 @@ const NEIGHBORS_MAX: usize = 160;
 
 /// Neighborhoods whose second principal variance is less than this share of the first lie on one line of a scanner.
 const LINE: f64 = 0.1;
+
+/// Rounds in which planes look at those of their neighbors.
+const ROUNDS: usize = 3;
+
+/// Neighbors steeper than this (sine of the angle) are off a plane, and so many of the nearest are off where there may be
+/// another sheet.
+const OFF: f64 = 0.4;
+const OFF_MIN: usize = 2;
 
 impl Frames {
     /// Replaces the tangent planes by those through the middle of the ten nearest neighbors, near ones weighing more;
@@ -64,6 +73,40 @@ impl Frames {
         self
     }
 
+    /// Turns planes of surfaces in space to the sheet of their points where another one is as near.
+    #[must_use]
+    pub fn on_one_sheet(mut self, points: &Points, nearest: &NearestNeighbors) -> Self {
+        if self.ambient != 3 || self.intrinsic != 2 {
+            return self;
+        }
+        for _ in 0..ROUNDS {
+            let normals: Vec<Vector3<f64>> = (0..points.len()).map(|i| self.normal(i)).collect();
+            let layered = |i: usize, neighbors: &[u32]| {
+                let off = |q: &u32| {
+                    let q = *q as usize;
+                    let steep = (Vector3::from_column_slice(points.point(q))
+                        - Vector3::from_column_slice(points.point(i)))
+                    .dot(&normals[i]);
+                    steep * steep > OFF * OFF * points.squared_distance(i, q)
+                };
+                neighbors[..NEIGHBORS.min(neighbors.len())].iter().filter(|q| off(q)).count() >= OFF_MIN
+            };
+            self.tangents.par_chunks_mut(6).with_min_len(256).enumerate().for_each(|(i, frame)| {
+                if layered(i, nearest.of(i)) {
+                    if let Some(normal) = better_normal(points, i, nearest.of(i), &normals) {
+                        turn(frame, normal);
+                    }
+                }
+            });
+        }
+        self
+    }
+
+    fn normal(&self, i: usize) -> Vector3<f64> {
+        let [x, y] = [0, 1].map(|axis| Vector3::from_column_slice(self.tangent(i, axis)));
+        x.cross(&y)
+    }
+
     /// Nearest neighbors that reach over the lines of a scanner around point `i`, at least `least`.
     #[must_use]
     pub fn reach(&self, i: usize, least: usize) -> usize {
@@ -83,21 +126,26 @@ impl Frames {
             if normal.cross(&x.cross(&y)).norm() <= least {
                 return false;
             }
-            let flat = [x, y].map(|axis| axis - normal * normal.dot(&axis));
-            // the axis that is less steep keeps its direction
-            let [x, y] = if flat[0].norm() >= flat[1].norm() {
-                let x = flat[0].normalize();
-                [x, normal.cross(&x)]
-            } else {
-                let y = flat[1].normalize();
-                [y.cross(&normal), y]
-            };
-            frame[..3].copy_from_slice(x.as_slice());
-            frame[3..].copy_from_slice(y.as_slice());
+            turn(frame, normal);
             true
         };
         self.tangents.par_chunks_mut(6).enumerate().map(turned).collect()
     }
+}
+
+/// Turns a plane in space until it has this unit normal; the axis that is less steep keeps its direction.
+fn turn(frame: &mut [f64], normal: Vector3<f64>) {
+    let [x, y] = [&frame[..3], &frame[3..]].map(Vector3::from_column_slice);
+    let flat = [x, y].map(|axis| axis - normal * normal.dot(&axis));
+    let [x, y] = if flat[0].norm() >= flat[1].norm() {
+        let x = flat[0].normalize();
+        [x, normal.cross(&x)]
+    } else {
+        let y = flat[1].normalize();
+        [y.cross(&normal), y]
+    };
+    frame[..3].copy_from_slice(x.as_slice());
+    frame[3..].copy_from_slice(y.as_slice());
 }
 
 /// Unit normal of the triangles around point `i`, each weighing its angle there (Thürmer and Wüthrich 1998).

@@ -189,6 +189,21 @@ impl Points {
         }
     }
 
+    /// The points without those `left_out`, which must ascend; their rows have no point any more.
+    #[must_use]
+    pub fn without(&self, left_out: &[u32]) -> Self {
+        let mut place = vec![NO_POINT; self.len()];
+        let (mut coordinates, mut row_of_point) = (Vec::new(), Vec::new());
+        for i in (0..self.len()).filter(|&i| left_out.binary_search(&(i as u32)).is_err()) {
+            place[i] = row_of_point.len() as u32;
+            row_of_point.push(self.row_of_point[i]);
+            coordinates.extend_from_slice(self.point(i));
+        }
+        let of_row = |&point: &u32| if point == NO_POINT { NO_POINT } else { place[point as usize] };
+        let point_of_row = self.point_of_row.iter().map(of_row).collect();
+        Self { coordinates, point_of_row, row_of_point, ..*self }
+    }
+
     /// The same points at other places.
     ///
     /// # Panics

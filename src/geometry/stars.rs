@@ -12,7 +12,7 @@ use super::clipper::{Clipper, View};
 use super::frames::Frames;
 use super::metric::TriangleMetric;
 use super::neighborhoods::{NearestNeighbors, SearchTree};
-use super::orientation::{Link, Orientation};
+use super::orientation::Link;
 use super::points::{GeometryError, Points};
 use super::polytope::{BOX, Polygon};
 use crate::progress::Progress;
@@ -84,11 +84,11 @@ impl Stars {
 
     fn view<'a>(sheet_aware: bool) -> View<'a> {
         let steepness_max = if sheet_aware { STEEPNESS_MAX } else { 1.0 };
-        View { isometric: true, steepness_max, sides: None }
+        View { isometric: true, steepness_max, leaves_out: None }
     }
 
-    /// The stars with those of `again` triangulated anew in their `frames`, of neighbors whose planes face the same way
-    /// where `sides` are known. A star is replaced only where `accept(old, new)`.
+    /// The stars with those of `again` triangulated anew in their `frames`, without the neighbors that `leaves_out` names
+    /// for a point. The star of a point is replaced only where `accept(point, new)`.
     ///
     /// # Errors
     /// [`GeometryError::Canceled`].
@@ -99,13 +99,13 @@ impl Stars {
         tree: &SearchTree,
         nearest: &NearestNeighbors,
         frames: &Frames,
-        sides: Option<(&Orientation, &Frames)>,
+        leaves_out: &(dyn Fn(usize, u32) -> bool + Sync),
         again: &[bool],
         accept: impl Fn(usize, &[Spoke]) -> bool + Sync + Send,
         progress: &Progress,
     ) -> Result<Self, GeometryError> {
         let which: Vec<usize> = (0..self.len()).filter(|&i| again[i]).collect();
-        let view = View { sides, ..Self::view(true) };
+        let view = View { leaves_out: Some(leaves_out), ..Self::view(true) };
         let found: Vec<Vec<Spoke>> = which
             .par_iter()
             .with_min_len(64)

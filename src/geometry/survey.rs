@@ -2,8 +2,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::clipper::FACING_MIN;
+use rayon::prelude::*;
+
 use super::frames::Frames;
+use super::layers::{REACHED, leads_across};
 use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::orientation::Orientation;
 use super::points::{GeometryError, Points};
@@ -14,8 +16,14 @@ use crate::progress::Progress;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(clippy::struct_excessive_bools)] // independent switches
 pub struct Rules {
+    /// Points that lie off the surface are left out.
+    pub leave_strays: bool,
     /// Planes through more neighbors where the nearest lie on a line.
     pub widen_planes: bool,
+    /// Planes along the sheet of the point alone where another one is as near.
+    pub robust_planes: bool,
+    /// Neighbors on another layer of a thin part are left out of stars that stay closed without them.
+    pub part_layers: bool,
     /// Rounds in which planes are turned to the triangles around their points.
     pub turns: usize,
     /// Neighbors that face the other way are left out of stars that close without them.
@@ -31,7 +39,10 @@ pub struct Rules {
 impl Default for Rules {
     fn default() -> Self {
         Self {
+            leave_strays: true,
             widen_planes: true,
+            robust_planes: true,
+            part_layers: true,
             turns: 2,
             part_sheets: true,
             verify_gaps: true,
@@ -51,6 +62,9 @@ const TURN_MIN: f64 = 0.5;
 /// edge that no point lies on, where only these close it. On the thin boat the worst error of 29 eigenvalues is 7.5 %
 /// without a limit, on fandisk with a tenth less than half of the plane 5.0 instead of 0.7 %.
 const GAP_ANGLE_MAX: f64 = 1.05 * PI;
+
+/// Planes whose oriented normals are more than 90° apart face away from each other.
+const FACING_MIN: f64 = 0.0;
 
 /// Share of conflicts beyond which sides mean nothing: a Möbius band, a tangle.
 const CONFLICTS_MAX: f64 = 0.02;
@@ -96,13 +110,19 @@ impl Survey<'_> {
     ) -> Result<Surveyed, GeometryError> {
         let Self { points, tree, nearest, rules } = *self;
         let mut frames = frames.among_creases(points, tree, nearest, rules.widen_planes);
+        if rules.robust_planes {
+            frames = frames.on_one_sheet(points, nearest);
+        }
         progress.checkpoint()?;
         let mut stars = Stars::find(points, tree, nearest, &frames, sheet_aware, progress)?;
         if sheet_aware {
             for _ in 0..rules.turns {
                 let turned = frames.turn_to_stars(points, &stars, TURN_MIN);
-                let any = |_: usize, _: &[Spoke]| true;
-                stars = stars.found_again(points, tree, nearest, &frames, None, &turned, any, progress)?;
+                let (none, any) = (|_: usize, _: u32| false, |_: usize, _: &[Spoke]| true);
+                stars = stars.found_again(points, tree, nearest, &frames, &none, &turned, any, progress)?;
+            }
+            if rules.part_layers {
+                stars = self.on_one_layer(&stars, &frames, progress)?;
             }
         }
         // sides are told by the triangles; what a point sees is better left to the plane that found them
@@ -118,6 +138,35 @@ impl Survey<'_> {
         let opened = if whole > 0.0 { 1.0 - stars.area(points) / whole } else { 0.0 };
         let stretch = stretch(points, &frames, &stars);
         Ok(Surveyed { frames, stars, orientation, opened, stretch })
+    }
+
+    fn leads_across(&self, frames: &Frames, i: usize, q: u32) -> bool {
+        let Self { points, nearest, .. } = *self;
+        let reach = |i: usize| {
+            let around = nearest.of(i);
+            points.squared_distance(i, around[REACHED.min(around.len()) - 1] as usize)
+        };
+        leads_across(points, frames, reach, i, q as usize)
+    }
+
+    /// The stars without neighbors on another layer, where the others still surround the point.
+    fn on_one_layer(
+        &self,
+        stars: &Stars,
+        frames: &Frames,
+        progress: &Progress,
+    ) -> Result<Stars, GeometryError> {
+        let Self { points, tree, nearest, .. } = *self;
+        let across = |i: usize, q: u32| self.leads_across(frames, i, q);
+        let layered: Vec<bool> = (0..stars.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| stars.of(i).iter().any(|spoke| across(i, spoke.neighbor)))
+            .collect();
+        let surrounds = |i: usize, star: &[Spoke]| {
+            widest_gap(points, frames, i, star) <= widest_gap(points, frames, i, stars.of(i))
+        };
+        stars.found_again(points, tree, nearest, frames, &across, &layered, surrounds, progress)
     }
 
     /// The stars without neighbors that face the other way, where the others still surround the point.
@@ -137,8 +186,10 @@ impl Survey<'_> {
             let allowed = GAP_ANGLE_MAX.max(widest_gap(points, frames, i, stars.of(i)));
             widest_gap(points, frames, i, star) <= allowed
         };
-        let sides = Some((orientation, planes));
-        stars.found_again(points, tree, nearest, frames, sides, &mixed, surrounds, progress)
+        let leaves_out = |i: usize, q: u32| {
+            faces_away(i, q) || (self.rules.part_layers && self.leads_across(frames, i, q))
+        };
+        stars.found_again(points, tree, nearest, frames, &leaves_out, &mixed, surrounds, progress)
     }
 }
 

@@ -102,7 +102,13 @@ fn outliers_carry_no_result_and_are_counted() {
     assert!(basis[1_000..1_003].iter().all(|x| x.is_nan()));
     assert_eq!(basis[1_003].to_bits(), basis[0].to_bits());
     assert_eq!(analysis.mass()[1_003].to_bits(), 0.0_f64.to_bits());
-    assert!(analysis.report.warnings.iter().any(|warning| warning.starts_with("2 points lie in components")));
+    assert!(
+        analysis
+            .report
+            .warnings
+            .iter()
+            .any(|warning| warning.starts_with("2 points (rows 1000, 1001) lie off"))
+    );
 }
 
 #[rstest]
