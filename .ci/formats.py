@@ -1,9 +1,12 @@
 """Files of other programs are read by chladni, and its files by them. Called as: python formats.py CHLADNI"""
 
-import io
+import contextlib
+import json
+import struct
 import subprocess
 import sys
 import tempfile
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -49,6 +52,43 @@ def rewritten(source, folder, extension):
     return path
 
 
+@contextlib.contextmanager
+def service(folder):
+    """A running service; gives a function that stores a file and answers what it is in another format."""
+    flags = ["--listen", "127.0.0.1:0", "--disk-floor", "0", "--database", str(folder / "service.db")]
+    process = subprocess.Popen([CHLADNI, "serve", *flags], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        address = next(word for word in process.stdout.readline().split() if word.startswith("http://"))
+
+        def exchanged(path, format):
+            sent = urllib.request.Request(
+                f"{address}/clouds/{path.name}?analyze=false", data=path.read_bytes(), method="PUT"
+            )
+            with urllib.request.urlopen(sent) as answer:
+                points = json.load(answer)["links"]["points"]
+            with urllib.request.urlopen(f"{address}{points}?format={format}") as answer:
+                return answer.read()
+
+        yield exchanged
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def projected(header, fmt):
+    """A coordinate system as the point format wants it: well-known text from 6 on, keys of GeoTIFF before."""
+    if fmt >= 6:
+        header.global_encoding.wkt = True
+        return laspy_record("LASF_Projection", 2112, b'PROJCS["ETRS89 / UTM zone 32N",AUTHORITY["EPSG","25832"]]\0')
+    return laspy_record("LASF_Projection", 34735, struct.pack("<8H", 1, 1, 0, 1, 3072, 0, 1, 25832))
+
+
+def laspy_record(user, number, data):
+    from laspy.vlrs.vlr import VLR
+
+    return VLR(user_id=user, record_id=number, description="by laspy", record_data=data)
+
+
 def check(name, found, expected, tolerance):
     error = np.abs(np.asarray(found, dtype=float) - np.asarray(expected, dtype=float)).max()
     print(f"{name}: largest difference {error:.1e}")
@@ -56,7 +96,13 @@ def check(name, found, expected, tolerance):
         sys.exit(f"{name}: {error} > {tolerance}")
 
 
-def read_by_chladni(folder):
+def same(name, found, expected):
+    if found != expected:
+        sys.exit(f"{name}: not the same")
+    print(f"{name}: the same")
+
+
+def read_by_chladni(folder, exchanged):
     import laspy
     import pypcd4
     import trimesh
@@ -93,6 +139,8 @@ def read_by_chladni(folder):
         header.scales, header.offsets = [0.001] * 3, [500000, 5200000, 0]
         header.add_extra_dim(laspy.ExtraBytesParams(name="vec", type="3u1"))
         header.add_extra_dim(laspy.ExtraBytesParams(name="behind", type=np.int16))
+        record = projected(header, fmt)
+        header.vlrs.append(record)
         las = laspy.LasData(header)
         las.x, las.y, las.z = points.T
         present = flags + (["overlap", "scanner_channel"] if fmt >= 6 else [])
@@ -107,8 +155,11 @@ def read_by_chladni(folder):
             check(f"laspy format {fmt} {flag}", fields[flag], las[flag], 0)
         check(f"laspy format {fmt} array", np.column_stack([fields[f"vec_{i}"] for i in range(3)]), las.vec, 0)
         check(f"laspy format {fmt} behind the array", fields["behind"], las.behind, 0)
+        same(f"laspy format {fmt}, byte for byte", exchanged(path, "las"), path.read_bytes())
         if fmt in (3, 6):
             back = laspy.read(rewritten(path, folder, "laz"))
+            found = [vlr.record_data_bytes() for vlr in back.header.vlrs if vlr.record_id == record.record_id]
+            same(f"laspy reads the coordinate system of format {fmt} back", found, [record.record_data_bytes()])
             check(f"laspy reads format {fmt} back", np.column_stack([back.x, back.y, back.z]), points, 2e-9)
             for flag in present:
                 check(f"laspy reads {flag} back", back[flag], las[flag], 0)
@@ -185,6 +236,12 @@ def read_by_chladni(folder):
     check("pye57, the field of scans", fields["scan"], np.repeat([0, 1], 500), 0)
 
 
+def sample(folder, name, *arguments):
+    command = [CHLADNI, "sample", "sphere", "-n", "500", "-o", name, *arguments]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    return folder / name
+
+
 def written_by_chladni(folder):
     import laspy
     import meshio
@@ -192,37 +249,72 @@ def written_by_chladni(folder):
     import trimesh
     from plyfile import PlyData
 
-    def sample(name, *arguments):
-        command = [CHLADNI, "sample", "sphere", "-n", "500", "-o", name, *arguments]
-        subprocess.run(command, cwd=folder, check=True, capture_output=True)
-        return folder / name
-
-    expected = np.load(sample("s.npy"))
+    expected = np.load(sample(folder, "s.npy"))
     for extension in ("las", "laz"):
-        las = laspy.read(sample(f"s.{extension}"))
+        las = laspy.read(sample(folder, f"s.{extension}"))
         check(f"laspy reads {extension}", np.column_stack([las.x, las.y, las.z]), expected, 1e-9)
-    vertex = PlyData.read(sample("s.ply"))["vertex"]
+    vertex = PlyData.read(sample(folder, "s.ply"))["vertex"]
     check("plyfile reads ply", np.column_stack([vertex[a] for a in "xyz"]), expected, 0)
-    cloud = trimesh.load(sample("s.ply"))
+    cloud = trimesh.load(sample(folder, "s.ply"))
     check("trimesh reads ply", cloud.vertices, expected, 0)
-    check("numpy reads xyz", np.loadtxt(sample("s.xyz")), expected, 0)
-    check("numpy reads csv", np.loadtxt(sample("s.csv"), delimiter=",", skiprows=1), expected, 0)
-    cloud = pypcd4.PointCloud.from_path(sample("s.pcd"))
+    check("numpy reads xyz", np.loadtxt(sample(folder, "s.xyz")), expected, 0)
+    check("numpy reads csv", np.loadtxt(sample(folder, "s.csv"), delimiter=",", skiprows=1), expected, 0)
+    cloud = pypcd4.PointCloud.from_path(sample(folder, "s.pcd"))
     check("pypcd4 reads pcd", cloud.numpy(("x", "y", "z")), expected, 0)
     for extension in ("obj", "off", "stl"):
-        grid = np.load(sample("g.npy", "--sampling", "grid"))
-        found = meshio.read(sample(f"g.{extension}", "--sampling", "grid")).points
+        grid = np.load(sample(folder, "g.npy", "--sampling", "grid"))
+        found = meshio.read(sample(folder, f"g.{extension}", "--sampling", "grid")).points
         order = lambda a: a[np.lexsort(np.round(a, 4).T)]
         distinct = np.unique(np.round(grid, 6), axis=0)
         check(f"meshio reads {extension}", np.unique(np.round(found, 6), axis=0)[: len(distinct)], distinct, 1e-5)
     for extension in ("obj", "off"):
-        mesh = trimesh.load(sample(f"g.{extension}", "--sampling", "grid"), process=False)
-        grid = np.load(sample("g.npy", "--sampling", "grid"))
+        mesh = trimesh.load(sample(folder, f"g.{extension}", "--sampling", "grid"), process=False)
+        grid = np.load(sample(folder, "g.npy", "--sampling", "grid"))
         check(f"trimesh reads {extension}", mesh.vertices, grid, 1e-8)
         if len(mesh.faces) == 0:
             sys.exit(f"trimesh finds no faces in {extension}")
 
 
-with tempfile.TemporaryDirectory() as folder:
-    read_by_chladni(Path(folder))
+def open3d_both_ways(folder):
+    try:
+        import open3d
+    except ImportError:
+        print("open3d is not installed: PLY, PCD, XYZ, OBJ, OFF and STL are read by the others only")
+        return
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+    cloud.colors = open3d.utility.Vector3dVector(colors / 255.0)
+    for name, ascii in [("b.ply", False), ("t.ply", True), ("b.pcd", False), ("t.pcd", True), ("c.xyz", False), ("c.pts", False)]:
+        path = folder / f"open3d-{name}"
+        if not open3d.io.write_point_cloud(str(path), cloud, write_ascii=ascii):
+            sys.exit(f"open3d does not write {name}")
+        # open3d writes PCD in single precision, and text in ten decimals.
+        tolerance = 0.25 if name == "b.pcd" else 1e-9 if path.suffix != ".pcd" else 1e-3
+        found, fields = convert(path)
+        check(path.name, found, points, tolerance)
+        if path.suffix == ".ply":
+            check(f"{path.name} red", fields["red"], colors[:, 0], 0)
+    sphere = open3d.geometry.TriangleMesh.create_sphere(resolution=9)
+    sphere.compute_triangle_normals()
+    for extension in ("ply", "obj", "off", "stl"):
+        path = folder / f"open3d-mesh.{extension}"
+        open3d.io.write_triangle_mesh(str(path), sphere)
+        found, _ = convert(path)
+        check(path.name, np.unique(np.round(found, 5), axis=0), np.unique(np.round(np.asarray(sphere.vertices), 5), axis=0), 1e-5)
+
+    expected = np.load(sample(folder, "o.npy"))
+    for extension in ("ply", "pcd", "xyz"):
+        found = open3d.io.read_point_cloud(str(sample(folder, f"o.{extension}")))
+        check(f"open3d reads {extension}", np.asarray(found.points), expected, 0)
+    grid = np.load(sample(folder, "og.npy", "--sampling", "grid"))
+    for extension in ("ply", "obj", "off", "stl"):
+        found = open3d.io.read_triangle_mesh(str(sample(folder, f"og.{extension}", "--sampling", "grid")))
+        if len(found.triangles) == 0:
+            sys.exit(f"open3d finds no triangles in {extension}")
+        distinct = np.unique(np.round(np.asarray(found.vertices), 6), axis=0)
+        check(f"open3d reads the mesh in {extension}", distinct, np.unique(np.round(grid, 6), axis=0), 1e-5)
+
+
+with tempfile.TemporaryDirectory() as folder, service(Path(folder)) as exchanged:
+    read_by_chladni(Path(folder), exchanged)
     written_by_chladni(Path(folder))
+    open3d_both_ways(Path(folder))

@@ -1,5 +1,6 @@
 //! Cloud → operator → spectrum: all stages on one screen.
 
+mod admission;
 mod assembly;
 mod error;
 mod fidelity;
@@ -11,6 +12,7 @@ mod report;
 mod result;
 mod unit;
 
+pub use admission::{admit, admit_lowered};
 pub use error::AnalysisError;
 pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;
@@ -19,6 +21,7 @@ pub use parameters::{Additions, JobKind, Parameters};
 pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 
+use admission::{Bases, check_cells, triangles};
 use assembly::{Assembled, Surface, assemble};
 use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
@@ -27,99 +30,13 @@ use crate::cloud::PointCloud;
 use crate::geometry::cells::{CellKind, CellOptions};
 use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::{Rules, Survey};
-use crate::geometry::{Frames, Points, Sampling, Triangles, cells, components, frames};
+use crate::geometry::{Frames, Points, Sampling, cells, components, frames};
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
-use crate::spectrum::dense::{DENSE_POINTS_MAX, DENSE_POINTS_MAX_GENERAL};
 use crate::spectrum::{Eigenbasis, Problem, Request, Spectrum, Weyl, certificates, solve};
-
-/// Cheap checks before a cloud is accepted: enough distinct points, not in a flat of fewer dimensions than the manifold,
-/// enough for the bases, faces where the operator needs them. Costs a sort of the points. Returns the number of rows that repeat an earlier position.
-///
-/// # Errors
-/// [`AnalysisError`] that says what is missing.
-pub fn admit(cloud: &PointCloud, parameters: &Parameters) -> Result<usize, AnalysisError> {
-    parameters.check()?;
-    let points = Points::prepare(cloud, parameters.dimension)?;
-    parameters.check_extent(points.extent())?;
-    check_bases(parameters, points.len())?;
-    triangles(cloud, &points, parameters)?;
-    Ok(points.duplicates())
-}
-
-/// Lowers a number of bases that nobody named to what a small cloud allows.
-///
-/// # Errors
-/// As [`admit`].
-pub fn lower_bases(cloud: &PointCloud, parameters: &mut Parameters) -> Result<(), AnalysisError> {
-    if cloud.len() < BASES_SHARE * parameters.bases {
-        parameters.check()?;
-        let points = Points::prepare(cloud, parameters.dimension)?.len();
-        parameters.bases = parameters.bases.min(bases_max(parameters, points));
-    }
-    Ok(())
-}
-
-/// The cloud's triangles, for operators that need them.
-fn triangles(
-    cloud: &PointCloud,
-    points: &Points,
-    parameters: &Parameters,
-) -> Result<Triangles, AnalysisError> {
-    let name = parameters.operator.name();
-    if !parameters.operator.needs_faces() {
-        return Ok(Triangles::default());
-    }
-    if cloud.faces().is_empty() {
-        return Err(AnalysisError::Unsupported(format!(
-            "operator `{name}` needs the faces of a mesh, and this cloud has none: upload a PLY, OBJ or OFF file with \
-             faces, or choose an operator for points such as `pb-mhb` or `voronoi`"
-        )));
-    }
-    let triangles = Triangles::of(cloud, points);
-    if triangles.is_empty() {
-        return Err(AnalysisError::Unsupported(format!(
-            "operator `{name}` needs the faces of a mesh, and none of this cloud's {} faces has an area",
-            cloud.faces().len()
-        )));
-    }
-    Ok(triangles)
-}
-
-/// Of larger clouds one base per so many points is computed at most.
-const BASES_SHARE: usize = 5;
-
-/// Points up to which an operator is solved densely, for all bases.
-fn dense_max(parameters: &Parameters) -> usize {
-    if parameters.operator.is_pcd() { DENSE_POINTS_MAX_GENERAL } else { DENSE_POINTS_MAX }
-}
-
-/// The most bases of so many distinct points.
-fn bases_max(parameters: &Parameters, points: usize) -> usize {
-    if points > dense_max(parameters) { points / BASES_SHARE } else { points }
-}
-
-fn check_bases(parameters: &Parameters, points: usize) -> Result<(), AnalysisError> {
-    let bases = parameters.bases;
-    let refuse = |reason| Err(AnalysisError::Parameter { name: "bases", reason });
-    if bases > points {
-        return refuse(format!("{bases} bases asked of {points} distinct points; at most {points} exist"));
-    }
-    let dense_max = dense_max(parameters);
-    if bases > bases_max(parameters, points) {
-        return refuse(format!(
-            "{bases} bases asked of {points} points; above {dense_max} points at most a fifth of them, {}, are computed",
-            points / BASES_SHARE
-        ));
-    }
-    Ok(())
-}
 
 /// Components of fewer points carry no result.
 const COMPONENT_MIN: usize = POINTS_MIN;
-
-/// A residual this many times the tolerance is no result.
-const RESIDUAL_EXCESS_MAX: f64 = 10.0;
 
 /// (k+1)-th over k-th principal variance of the neighborhoods from which on the caller is warned. On a surface noise of
 /// half a spacing gives about 0.15, a volume more than 0.5.
@@ -212,7 +129,6 @@ pub fn analyze_by(
         triangles: &triangles,
     };
     warnings.splice(0..0, cloud.notes().iter().cloned());
-    warnings.extend(warning_of_fewer_bases(kind, parameters, points.len()));
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, surveyed, triangles));
     progress.checkpoint()?;
@@ -221,6 +137,7 @@ pub fn analyze_by(
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
     let used = laplacian.mass.len();
+    check_cells(parameters, &sampling, used)?;
     let mut report = Report {
         operator: parameters.operator,
         rows: cloud.len(),
@@ -259,18 +176,6 @@ pub fn analyze_by(
     Ok(Analysis { report, points, place, mass, stiffness, eigenbasis }.in_unit_of_cloud())
 }
 
-/// The default of `bases`, lowered to what so few points allow.
-fn warning_of_fewer_bases(kind: JobKind, parameters: &Parameters, points: usize) -> Option<String> {
-    let default = Parameters::default().bases;
-    let Parameters { bases, .. } = *parameters;
-    let is_lowered = kind == JobKind::Eigen && bases < default && bases == bases_max(parameters, points);
-    is_lowered.then(|| {
-        format!(
-            "{bases} bases were computed, the most that {points} distinct points allow; the default is {default}"
-        )
-    })
-}
-
 /// Solves the eigenproblem and writes what was found into the report.
 fn eigenpairs(
     points: &Points,
@@ -281,7 +186,8 @@ fn eigenpairs(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<Eigenbasis, AnalysisError> {
-    check_bases(parameters, active.len())?;
+    let count = Bases::of(parameters, points.len(), active.len());
+    report.warnings.extend(count.warning());
     let (heat_kernel, plateau, structure) = (laplacian.heat_kernel, laplacian.plateau, laplacian.structure);
     let problem = Problem::new(laplacian, first_eigenvalue(report, plateau));
     let narrow = narrow.map(|mut matrix| {
@@ -290,7 +196,7 @@ fn eigenpairs(
         matrix
     });
     let request = Request {
-        count: parameters.bases,
+        count: count.computed,
         tolerance: parameters.tolerance,
         position: |i: u32| points.point(active[i as usize] as usize),
         narrow: narrow.as_ref(),
@@ -304,10 +210,10 @@ fn eigenpairs(
     };
     let solution = solve(&problem, &request, progress)?;
     progress.checkpoint()?;
-    if solution.certificates.residual > RESIDUAL_EXCESS_MAX * parameters.tolerance {
+    if solution.certificates.residual > parameters.tolerance {
         return Err(AnalysisError::Cloud(format!(
-            "the eigenpairs have a residual of {:.1e}, far above the tolerance {:.1e}: the operator's entries differ too much \
-             in size; look for points that nearly coincide, or take a larger `tolerance`",
+            "the eigenpairs have residuals up to {:.1e}, above the tolerance {:.1e}: the operator's entries differ too much in \
+             size for double precision; look for points that nearly coincide, or take a larger `tolerance`",
             solution.certificates.residual, parameters.tolerance
         )));
     }
@@ -331,7 +237,7 @@ fn eigenpairs(
         certificates: solution.certificates,
         method: solution.method,
     });
-    report.warn_of_spectrum(parameters.tolerance);
+    report.warn_of_spectrum();
     Ok(Eigenbasis::new(&problem, solution.pairs))
 }
 

@@ -17,6 +17,7 @@ mod reporting;
 mod reproduce;
 mod sample;
 mod serve;
+mod source;
 mod usage;
 mod view;
 

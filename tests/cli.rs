@@ -252,6 +252,10 @@ fn a_directory_of_results_is_filtered_transformed_and_measured() {
     succeeded(&chladni(&folder, "filter out --gains 1,1,1,1,1,1,1,1,1 -o gains.ply"));
     assert_eq!(cloud(&folder.path().join("gains.ply")), cloud(&folder.path().join("smooth.ply")));
 
+    let collapsed = chladni(&folder, "filter out --cutoff 1 -o one.ply --quiet");
+    succeeded(&collapsed);
+    assert!(String::from_utf8_lossy(&collapsed.stderr).contains("leaves the points at one place"));
+
     let json = |output: &Output| -> serde_json::Value { serde_json::from_str(&succeeded(output)).unwrap() };
     let coefficients = json(&chladni(&folder, "coefficients out --bands 4"));
     assert_eq!(coefficients["fields"]["z"].as_array().unwrap().len(), 60);
@@ -271,6 +275,57 @@ fn a_directory_of_results_is_filtered_transformed_and_measured() {
     let distances: Vec<f64> =
         npyz::NpyFile::new(fs::File::open(folder.path().join("d.npy")).unwrap()).unwrap().into_vec().unwrap();
     assert!(distances.len() == 1500 && distances[3] == 0.0 && distances[4] > 0.0);
+}
+
+/// A LAS file as another program writes it, with its coordinate system.
+fn survey() -> Vec<u8> {
+    let mut builder = las::Builder::from((1, 4));
+    builder.point_format = las::point::Format::new(6).unwrap();
+    let transform = |offset: f64| las::Transform { scale: 0.001, offset };
+    builder.transforms = las::Vector { x: transform(5e5), y: transform(5.2e6), z: transform(0.0) };
+    builder.has_wkt_crs = true;
+    builder.vlrs.push(las::Vlr {
+        user_id: "LASF_Projection".to_owned(),
+        record_id: 2112,
+        description: "WKT".to_owned(),
+        data: b"PROJCS[\"ETRS89 / UTM zone 32N\"]\0".to_vec(),
+    });
+    let mut writer =
+        las::Writer::new(std::io::Cursor::new(Vec::new()), builder.into_header().unwrap()).unwrap();
+    for i in 0..400 {
+        let (x, y) = (f64::from(i % 20), f64::from(i / 20));
+        let point = las::Point {
+            x: 5e5 + x,
+            y: 5.2e6 + y,
+            z: ((x + y) * 0.3).sin(),
+            intensity: 7 * i as u16,
+            is_withheld: i % 3 == 0,
+            is_edge_of_flight_line: i % 5 == 0,
+            gps_time: Some(f64::from(i)),
+            ..las::Point::default()
+        };
+        writer.write_point(point).unwrap();
+    }
+    writer.into_inner().unwrap().into_inner()
+}
+
+#[test]
+fn a_filtered_survey_leaves_with_the_records_and_flags_it_came_with() {
+    let folder = tempdir().unwrap();
+    let before = survey();
+    fs::write(folder.path().join("a.las"), &before).unwrap();
+    succeeded(&chladni(&folder, "analyze a.las -o r -k 10 --operator voronoi"));
+    for target in ["", "--field intensity"] {
+        succeeded(&chladni(&folder, &format!("filter r -o same.las --gains 1 --outside 1 {target}")));
+        let same = fs::read(folder.path().join("same.las")).unwrap();
+        assert!(same == before, "a filter that changes nothing changes no byte {target}");
+        succeeded(&chladni(&folder, &format!("filter r -o b.laz --filter low-pass --cutoff 5 {target}")));
+        let after = cloud(&folder.path().join("b.laz"));
+        let records = &after.origin().survey.as_ref().unwrap().records;
+        assert!(records.iter().any(|record| record.0.windows(6).any(|text| text == b"PROJCS")), "{target}");
+        let withheld = after.fields().iter().find(|field| field.name == "withheld").unwrap();
+        assert_eq!(withheld.values[..4], [1.0, 0.0, 0.0, 1.0]);
+    }
 }
 
 #[test]

@@ -91,7 +91,7 @@ impl Report {
     }
 
     /// Says what the certificates leave doubtful.
-    pub(super) fn warn_of_spectrum(&mut self, tolerance: f64) {
+    pub(super) fn warn_of_spectrum(&mut self) {
         let Some(spectrum) = &self.spectrum else { return };
         let certificates = &spectrum.certificates;
         if let Some(saturation) = certificates.saturation.filter(|&s| s > SATURATION_WARNED) {
@@ -114,12 +114,6 @@ impl Report {
         }
         if certificates.missed.is_none() {
             self.warnings.push("whether an eigenvalue was missed could not be checked".into());
-        }
-        if certificates.residual > tolerance {
-            self.warnings.push(format!(
-                "the largest residual is {:.1e}, above the tolerance {:.1e}",
-                certificates.residual, tolerance
-            ));
         }
     }
 }

@@ -202,10 +202,11 @@ fn analyze_into(
     let cloud = args.reading.read(&args.cloud)?;
     let functions = args.apply.as_deref().map(|path| functions(path, cloud.len())).transpose()?;
     let mut parameters = parameters.clone();
-    if args.parameters.bases.is_none() {
-        analysis::lower_bases(&cloud, &mut parameters).map_err(|error| of_analysis(&error))?;
-    }
-    analysis::admit(&cloud, &parameters).map_err(|error| of_analysis(&error))?;
+    let admitted = match args.parameters.bases {
+        None => analysis::admit_lowered(&cloud, &mut parameters),
+        Some(_) => analysis::admit(&cloud, &parameters),
+    };
+    admitted.map_err(|error| of_analysis(&error))?;
     let ran = run::with_progress(&cloud, kind, &parameters, args.threads, watch)?;
     let files = results::write(directory, &cloud, kind, functions.as_deref(), &ran)?;
     summary::print(&ran, &files, args.reporting);

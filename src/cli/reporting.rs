@@ -44,6 +44,15 @@ impl Reporting {
         }
     }
 
+    /// Prints warnings, also for those who want to read nothing else; in JSON they stand among the facts.
+    pub(super) fn warn(self, warnings: &[String]) {
+        if !self.json {
+            for warning in warnings {
+                let _ = writeln!(io::stderr().lock(), "chladni: warning: {warning}");
+            }
+        }
+    }
+
     fn aside(self, text: &str) {
         if !self.quiet {
             let _ = writeln!(io::stderr().lock(), "{text}");

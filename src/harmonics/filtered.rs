@@ -10,6 +10,8 @@ use crate::geometry::normals;
 
 /// Share of a cloud's extent that its filtered coordinates resolve in a file.
 const EXTENT_RESOLVED: f64 = 1e-6;
+/// Fields that are colors.
+const COLORS: [&str; 4] = ["red", "green", "blue", "alpha"];
 
 /// What of a cloud is filtered.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -96,7 +98,8 @@ impl Target {
         Ok(functions)
     }
 
-    /// The cloud with these numbers in place of its own, everything else as it was. Normals follow moved points.
+    /// The cloud with these numbers in place of its own, everything else as it was. Normals follow moved points. A filtered
+    /// integer is no integer and becomes a double; but colors stay whole, as viewers want them.
     ///
     /// # Errors
     /// [`CloudError`] when the numbers are not as many as the cloud's.
@@ -105,7 +108,14 @@ impl Target {
             Self::Fields(places) => {
                 let mut fields = cloud.fields().to_vec();
                 for (&place, column) in places.iter().zip(columns) {
-                    fields[place].values.clone_from(column);
+                    let field = &mut fields[place];
+                    field.values.clone_from(column);
+                    match field.kind.integer_range().filter(|_| COLORS.contains(&field.name.as_str())) {
+                        Some((low, high)) => {
+                            field.values.iter_mut().for_each(|x| *x = x.round().clamp(low, high));
+                        }
+                        None => field.kind = field.kind.floating(),
+                    }
                 }
                 cloud.clone().with_fields(fields)
             }
@@ -116,8 +126,10 @@ impl Target {
                 let kind = moved_type(&moved, cloud.coordinate_type());
                 let moved = moved
                     .with_coordinate_type(kind)
+                    .with_grids(cloud.grids())
                     .with_origin(cloud.origin().clone())
                     .with_faces(cloud.faces().to_vec())?
+                    .with_polygons(cloud.continued().to_vec())?
                     .with_fields(cloud.fields().to_vec())?;
                 with_normals(moved)
             }
@@ -228,6 +240,31 @@ mod tests {
         let empty = empty.unwrap();
         let target = Target::named(&empty, &["q"]).unwrap();
         assert!(matches!(target.functions(&empty, &mass), Err(TargetError::NonFinite { row: 0, .. })));
+    }
+
+    #[test]
+    fn a_filtered_integer_is_a_double_and_a_filtered_color_is_a_color() {
+        let field = |name: &str| crate::cloud::ScalarField {
+            name: name.to_owned(),
+            kind: ScalarType::Uint8,
+            values: vec![1.0, 2.0, 3.0],
+        };
+        let cloud = PointCloud::new(1, vec![0.0, 1.0, 2.0], NonFinite::Reject).unwrap();
+        let cloud = cloud.with_fields(vec![field("red"), field("echo")]).unwrap();
+        let filtered = vec![-3.5, 1.25, 255.75];
+        let target = Target::named(&cloud, &["red", "echo"]).unwrap();
+        let cloud = target.replaced(&cloud, &[filtered.clone(), filtered.clone()]).unwrap();
+        let [red, echo] = cloud.fields() else { panic!("two fields") };
+        assert_eq!((red.kind, &red.values[..]), (ScalarType::Uint8, &[0.0, 1.0, 255.0][..]));
+        assert_eq!((echo.kind, &echo.values), (ScalarType::Float64, &filtered));
+    }
+
+    #[test]
+    fn moved_polygons_stay_polygons() {
+        let cloud = PointCloud::new(3, vec![0.0; 12], NonFinite::Reject).unwrap();
+        let cloud = cloud.with_faces(vec![[0, 1, 2], [0, 2, 3]]).unwrap().with_polygons(vec![1]).unwrap();
+        let moved = Target::Coordinates.replaced(&cloud, &vec![vec![1.0, 2.0, 3.0, 4.0]; 3]).unwrap();
+        assert_eq!(moved.polygons().count(), 1);
     }
 
     fn moved(offset: f64, kind: ScalarType) -> ScalarType {

@@ -35,12 +35,15 @@ const CLOSED: Fit = Fit { start: 5.0, ratio: 3.0, powers: &[0, 2], others: &[0, 
 /// Times in the window.
 const SAMPLES: usize = 24;
 
-/// An area in length², and how far two fits of different order are apart.
+/// A later window begins at so many times the first time of the main one.
+const LATER: f64 = 1.5;
+
+/// An area in length², and how far fits that should agree on it are apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AreaEstimate {
     /// The intercept of `4πτ Z(τ)` at `τ = 0`.
     pub area: f64,
-    /// Difference to the intercept of a fit with another number of terms.
+    /// Sum of the distances to the intercepts of fits with another number of terms and in a later window.
     pub uncertainty: f64,
 }
 
@@ -55,12 +58,16 @@ pub fn area(eigenvalues: &[f64], is_open: bool) -> Option<AreaEstimate> {
         return None;
     }
     let fit = if is_open { OPEN } else { CLOSED };
-    let times: Vec<f64> =
-        (0..SAMPLES).map(|k| fit.start / largest * fit.ratio.powf(k as f64 / (SAMPLES - 1) as f64)).collect();
-    let traces: Vec<f64> =
-        times.iter().map(|&tau| 4.0 * std::f64::consts::PI * tau * trace(eigenvalues, tau)).collect();
-    let (area, other) = (intercept(&times, &traces, fit.powers)?, intercept(&times, &traces, fit.others)?);
-    Some(AreaEstimate { area, uncertainty: (area - other).abs() })
+    let fitted = |start: f64, powers: &[i32]| {
+        let place = |k: usize| fit.ratio.powf(k as f64 / (SAMPLES - 1) as f64);
+        let times: Vec<f64> = (0..SAMPLES).map(|k| start / largest * place(k)).collect();
+        let traces: Vec<f64> =
+            times.iter().map(|&tau| 4.0 * std::f64::consts::PI * tau * trace(eigenvalues, tau)).collect();
+        intercept(&times, &traces, powers)
+    };
+    let area = fitted(fit.start, fit.powers)?;
+    let others = [fitted(fit.start, fit.others)?, fitted(LATER * fit.start, fit.powers)?];
+    Some(AreaEstimate { area, uncertainty: others.iter().map(|other| (area - other).abs()).sum() })
 }
 
 /// `Z(τ)`, with what the eigenvalues beyond the last would add by Weyl's law.

@@ -5,6 +5,7 @@
 //! earlier row and NaN for a row without a result, and bases are NaN there.
 
 mod block;
+pub mod collapse;
 pub mod distances;
 pub mod features;
 pub mod filter;

@@ -126,6 +126,27 @@ async fn a_default_that_a_small_cloud_does_not_allow_is_lowered_and_told() {
 }
 
 #[tokio::test]
+async fn many_rows_at_few_places_and_points_without_a_result_lower_the_default_too() {
+    let service = Service::start().await;
+    let sphere = sphere(60);
+    let rows: Vec<f64> = sphere.coordinates().repeat(20);
+    let repeated = PointCloud::new(3, rows, NonFinite::Reject).unwrap();
+    let stray = [sphere.coordinates(), &[90.0, 0.0, 0.0]].concat();
+    let stray = PointCloud::new(3, stray, NonFinite::Reject).unwrap();
+    for (cloud, told) in [
+        (repeated, "60 bases were computed, the most that 60 distinct points allow"),
+        (stray, "60 bases were computed in place of 61: of 61 distinct points 60 have a result"),
+    ] {
+        let id = service.succeed("operator=voronoi", file(&cloud, Format::Ply)).await;
+        let job = service.json(&format!("/jobs/{id}")).await;
+        let warnings = job["warnings"].as_array().unwrap();
+        assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains(told)), "{job}");
+        let spectrum = service.json(&format!("/jobs/{id}/spectrum")).await;
+        assert_eq!(spectrum["eigenvalues"].as_array().unwrap().len(), 60);
+    }
+}
+
+#[tokio::test]
 async fn a_scan_comes_back_on_its_own_grid_bit_for_bit() {
     let service = Service::start().await;
     for is_compressed in [false, true] {

@@ -41,6 +41,22 @@ async fn an_empty_body_is_refused() {
 }
 
 #[tokio::test]
+async fn a_file_that_has_lost_its_line_ends_on_the_way_is_refused_whatever_is_left_of_it() {
+    let service = Service::start().await;
+    let ply = String::from_utf8_lossy(&file(&sphere(50), Format::Ply)).replace(['\n', '\r'], "");
+    for body in ["0 0 11 0 21 1 3".to_owned(), "x,y,z0,0,11,0,2".to_owned(), ply] {
+        let request = service.client.post(service.url("/clouds?analyze=false"));
+        let request = request.header("content-type", "application/x-www-form-urlencoded").body(body);
+        let refused =
+            problem(request.send().await.unwrap(), StatusCode::BAD_REQUEST, "malformed-request").await;
+        assert!(detail(&refused).contains("--data-binary"), "{refused}");
+    }
+    let request = service.client.post(service.url("/clouds?analyze=false"));
+    let whole = request.header("content-type", "application/x-www-form-urlencoded").body("0 0 1\n1 0 2\n");
+    assert_eq!(whole.send().await.unwrap().status(), StatusCode::CREATED);
+}
+
+#[tokio::test]
 async fn a_form_without_a_file_is_refused() {
     let service = Service::start().await;
     let form = reqwest::multipart::Form::new().text("comment", "hello");

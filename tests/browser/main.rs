@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr)] // a test that cannot go on has failed
 
 mod browser;
+mod figures;
 mod hands;
 mod jobs;
 mod kept;

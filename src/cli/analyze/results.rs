@@ -10,6 +10,7 @@ use chladni::cloud::{PointCloud, ScalarType};
 
 use super::run::Ran;
 use super::{Failure, output};
+use crate::cli::source::{SOURCE, Source};
 
 /// Writes all files, or none when the caller cancels meanwhile.
 pub(super) fn write(
@@ -43,6 +44,9 @@ pub(super) fn write(
             directory.write("bases.npy", |out| bases_npy(analysis, cloud.len(), out))?;
             canceled()?;
             directory.write("bases.ply", |out| bases_ply(analysis, cloud, out))?;
+            if let Some(source) = Source::of(cloud) {
+                directory.write(SOURCE, |out| json(&source, out))?;
+            }
         }
     }
     canceled()?;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use chladni::cloud::reader::Format;
 use chladni::cloud::writer::{PlyEncoding, write, write_annotated_ply};
+use chladni::harmonics::collapse::collapse;
 use chladni::harmonics::filtered::{self, Target};
 use chladni::harmonics::functions::rows_without_result;
 use chladni::harmonics::{Filter, FilterKind, Scale, Transfer, transform};
@@ -130,6 +131,7 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
     let found = transform::total(&results.map(|block| transform::partial(block, &results.mass, &values)));
     let columns = results.columns(|block| filtered::rows(block, &functions, &found, &transfer));
     let lost = rows_without_result(&results.mass);
+    let warning = if target == Target::Coordinates { collapse(&values, &columns) } else { None };
     match format {
         Form::Result(Output::Npy) => write_npy(&columns, false, &args.output)?,
         Form::Result(Output::Json) => {
@@ -161,7 +163,10 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
     }
     let points = cloud.len();
     let what = format!("{description}, {points} points, {lost} of them unchanged for want of a result");
-    let facts = json!({ "filter": description, "points": points, "rows_without_result": lost });
+    let warnings: Vec<String> = warning.into_iter().collect();
+    args.writing.reporting.warn(&warnings);
+    let facts =
+        json!({ "filter": description, "points": points, "rows_without_result": lost, "warnings": warnings });
     args.writing.reporting.wrote(&args.output, &what, facts);
     Ok(())
 }

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use super::{Failure, output};
 use crate::cli::input;
+use crate::cli::source::{SOURCE, Source};
 
 /// Rows that are worked on together.
 const BLOCK_ROWS: usize = 8192;
@@ -47,7 +48,7 @@ impl Results {
         Ok(Self { directory: directory.to_owned(), report, modes, mass, bases })
     }
 
-    /// The cloud that was analyzed: `bases.ply` without the bases, which are its last fields.
+    /// The cloud that was analyzed: `bases.ply` without the bases, which are its last fields, with what `source.json` has of it.
     pub(super) fn cloud(&self) -> Result<PointCloud, Failure> {
         let path = self.directory.join("bases.ply");
         let bytes = file(&path)?;
@@ -65,7 +66,21 @@ impl Results {
             return Err(refused(&"the cloud is not the one that was analyzed"));
         }
         let fields = cloud.fields()[..own].to_vec();
-        cloud.with_fields(fields).map_err(Failure::other)
+        let cloud = cloud.with_fields(fields).map_err(Failure::other)?;
+        match self.source()? {
+            Some(source) => source.added_to(cloud).map_err(|error| refused(&error)),
+            None => Ok(cloud),
+        }
+    }
+
+    /// What the cloud's file said beside it, if it said anything.
+    fn source(&self) -> Result<Option<Source>, Failure> {
+        let path = self.directory.join(SOURCE);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let refused = |error| Failure::Input(format!("{}: {error}", path.display()));
+        serde_json::from_slice(&file(&path)?).map(Some).map_err(refused)
     }
 
     /// What `work` makes of every block of rows, in their order.

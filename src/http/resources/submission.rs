@@ -18,7 +18,7 @@ use super::idempotency::{self, IdempotencyKey, Key};
 use super::jobs;
 use super::jobs::JobView;
 use super::parameters::{self, KIND, PARAMETERS};
-use crate::analysis::{JobKind, Parameters, admit, lower_bases};
+use crate::analysis::{JobKind, Parameters, admit, admit_lowered};
 use crate::cloud::reader::{self, Format, ReadOptions};
 use crate::cloud::{NonFinite, PointCloud};
 use crate::http::notation::{now, parse_id};
@@ -231,13 +231,11 @@ pub(crate) async fn post_job(
     // The cloud, and its points without those at the same place.
     reservation.add(ADMISSION_FACTOR * service.store.cloud(id).await?.bytes()).await?;
     let cloud = service.store.load_cloud(id).await?;
-    let admit_lowered = move || {
-        if lowers {
-            lower_bases(&cloud, &mut parameters)?;
-        }
-        admit(&cloud, &parameters).map(|_| parameters)
+    let admitted = move || {
+        if lowers { admit_lowered(&cloud, &mut parameters) } else { admit(&cloud, &parameters) }
+            .map(|_| parameters)
     };
-    let parameters = service.reading.run(admit_lowered).await??;
+    let parameters = service.reading.run(admitted).await??;
     drop(reservation);
     let submitted = service.store.submit_job(id, kind, parameters).await?;
     remember(&service, &owner, key.as_ref(), &submitted).await?;
@@ -338,9 +336,10 @@ fn read(
     drop(upload);
     if let Some((_, parameters)) = &mut job {
         if lowers {
-            lower_bases(&cloud, parameters)?;
-        }
-        admit(&cloud, parameters)?;
+            admit_lowered(&cloud, parameters)?
+        } else {
+            admit(&cloud, parameters)?
+        };
     }
     Ok((cloud, job))
 }

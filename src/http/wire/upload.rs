@@ -15,6 +15,10 @@ use crate::http::service::Service;
 /// What is told of an upload without a byte.
 const EMPTY: &str = "the body is empty; send the file as the body, as in `curl -T scan.ply`";
 
+/// What is told of a file that `curl -d` has sent.
+const LINE_ENDS: &str = "the body has no line ends, as `curl -d @FILE` sends files; send it by `curl -T FILE` or \
+    `curl --data-binary @FILE`";
+
 /// Media types that say nothing about the format: what clients send when they were not told.
 const UNSPECIFIC: [&str; 9] = [
     "application/octet-stream",
@@ -59,6 +63,8 @@ impl Upload {
         // Refused before a byte is read.
         let declared = if is_form { None } else { declared_format(media_type.as_deref())? };
         let Received { bytes, mut reservation } = body.receive(u64::MAX).await?;
+        let has_lost_line_ends = media_type.as_deref().is_some_and(|media_type| essence(media_type) == FORM)
+            && memchr::memchr2(b'\n', b'\r', &bytes).is_none();
         let upload = match media_type {
             Some(media_type) if is_form => {
                 service.reading.run(move || Self::from_multipart(bytes, &media_type)).await??
@@ -67,6 +73,9 @@ impl Upload {
         };
         if upload.bytes.is_empty() {
             return Err(Problem::new(Kind::MalformedRequest, EMPTY));
+        }
+        if has_lost_line_ends {
+            return Err(Problem::new(Kind::MalformedRequest, LINE_ENDS));
         }
         let looked_at = upload.bytes.clone();
         let unpacked = service.reading.run(move || reader::unpacked_bytes(&looked_at)).await?;

@@ -7,10 +7,11 @@ use rayon::prelude::*;
 use super::super::columns::Target;
 use super::super::number::{Number, Source};
 use super::super::text::shown;
-use super::decode::{ByteOrder, Place};
+use super::decode::{ByteOrder, Place, decode_points};
 use super::faces::{FaceError, Surface};
 use super::header::{Element, Header, PropertyKind};
 use super::{FORMAT, Ply, ReadError};
+use crate::cloud::ScalarType;
 use crate::cloud::reader::Location;
 use crate::cloud::scalar::Stored;
 
@@ -89,12 +90,18 @@ impl Part<'_> {
         order: ByteOrder,
     ) {
         let Self { rows, coordinates, mut fields } = self;
+        let together = together(element, (targets, dimension));
         for (index, rows) in rows.chunks(BLOCK_ROWS * stride).enumerate() {
             let first = index * BLOCK_ROWS;
+            let is_decoded = together.is_some_and(|(offset, kind)| {
+                let points = &mut coordinates.as_chunks_mut::<3>().0[first..];
+                decode_points(rows, stride, offset, kind, order, points)
+            });
             let mut offset = 0;
             for ((_, kind), target) in element.scalars().zip(targets) {
                 let source = Source { rows, stride, offset, number: Number::stored(kind, order) };
                 match *target {
+                    Target::Coordinate(_) if is_decoded => {}
                     Target::Coordinate(axis) => {
                         let out = &mut coordinates[first * dimension..];
                         source.decode(Place { out, stride: dimension, offset: axis });
@@ -106,6 +113,16 @@ impl Part<'_> {
             }
         }
     }
+}
+
+/// Offset and type of x, y and z where these stand behind each other, have one type, and are all coordinates.
+fn together(element: &Element, (targets, dimension): (&[Target], usize)) -> Option<(usize, ScalarType)> {
+    let axes = [0, 1, 2].map(Target::Coordinate);
+    let first = targets.windows(3).position(|three| three == axes).filter(|_| dimension == 3)?;
+    let kinds: Vec<Stored> = element.scalars().map(|(_, kind)| kind).collect();
+    let Stored::Scalar(kind) = kinds[first] else { return None };
+    let offset = kinds[..first].iter().map(|kind| kind.size()).sum();
+    (kinds[first..first + 3] == [kinds[first]; 3]).then_some((offset, kind))
 }
 
 fn read_vertices(element: &Element, cursor: &mut Cursor<'_>, ply: &mut Ply) -> Result<(), ReadError> {

@@ -74,6 +74,50 @@ pub(in crate::cloud::reader) fn decode_integers(
     }
 }
 
+/// Decodes three numbers behind each other, at `offset` of every row, into points in space; `false`, and nothing is done,
+/// for types that coordinates rarely have.
+pub(super) fn decode_points(
+    rows: &[u8],
+    stride: usize,
+    offset: usize,
+    kind: ScalarType,
+    order: ByteOrder,
+    points: &mut [[f64; 3]],
+) -> bool {
+    use ByteOrder::{Big, Little};
+    match (kind, order) {
+        (ScalarType::Float32, Little) => {
+            triples(rows, stride, offset, points, |b| f32::from_le_bytes(b).into());
+        }
+        (ScalarType::Float32, Big) => triples(rows, stride, offset, points, |b| f32::from_be_bytes(b).into()),
+        (ScalarType::Float64, Little) => triples(rows, stride, offset, points, f64::from_le_bytes),
+        (ScalarType::Float64, Big) => triples(rows, stride, offset, points, f64::from_be_bytes),
+        _ => return false,
+    }
+    true
+}
+
+/// Converts three times N bytes at `offset` of every row.
+fn triples<const N: usize>(
+    rows: &[u8],
+    stride: usize,
+    offset: usize,
+    points: &mut [[f64; 3]],
+    convert: impl Fn([u8; N]) -> f64,
+) {
+    if stride == 3 * N {
+        // Nothing in between: the compiler converts several at once.
+        let numbers = rows.as_chunks::<N>().0;
+        numbers.iter().zip(points.as_flattened_mut()).for_each(|(bytes, out)| *out = convert(*bytes));
+        return;
+    }
+    for (row, point) in rows.get(offset..).unwrap_or_default().chunks(stride).zip(points) {
+        if let Some([x, y, z]) = row.as_chunks::<N>().0.first_chunk::<3>() {
+            *point = [convert(*x), convert(*y), convert(*z)];
+        }
+    }
+}
+
 /// Converts N bytes at `offset` of every row.
 fn column<const N: usize>(
     rows: &[u8],
@@ -83,9 +127,13 @@ fn column<const N: usize>(
     convert: impl Fn([u8; N]) -> f64,
 ) {
     let Place { out, stride: stride_out, offset: offset_out } = place;
-    for (row, out) in rows.chunks_exact(stride).zip(out.chunks_mut(stride_out)) {
-        if let Some(bytes) = row[offset..].first_chunk::<N>() {
-            out[offset_out] = convert(*bytes);
-        }
+    let numbers =
+        rows.get(offset..).unwrap_or_default().chunks(stride).map_while(|row| row.first_chunk::<N>());
+    // Without a stride the places are known to follow each other, and need no check.
+    if stride_out == 1 {
+        numbers.zip(out).for_each(|(bytes, out)| *out = convert(*bytes));
+    } else {
+        let places = out.get_mut(offset_out..).unwrap_or_default().iter_mut().step_by(stride_out);
+        numbers.zip(places).for_each(|(bytes, out)| *out = convert(*bytes));
     }
 }

@@ -7,6 +7,9 @@ use crate::cloud::las::{self, Place, Stored};
 use crate::cloud::writer::{Column, encode_column};
 use crate::cloud::{PointCloud, ScalarField, ScalarType};
 
+/// The attributes that are colors.
+const COLORS: [&str; 3] = ["red", "green", "blue"];
+
 /// The layout of the records of a cloud.
 pub(super) struct Points<'a> {
     /// Point format.
@@ -37,10 +40,14 @@ impl<'a> Points<'a> {
         }
         let extra = las::described(&descriptions, start, record, &attributes);
         let places = attributes.into_iter().chain(extra.places.iter().cloned());
+        let narrow_colors = has_8_bit_colors(fields);
         let mut rest: Vec<&ScalarField> = fields.iter().collect();
         let mut filled = Vec::new();
         let mut taken: Vec<String> = Vec::new();
-        for place in places {
+        for mut place in places {
+            if narrow_colors && COLORS.contains(&place.name.as_str()) {
+                place.scaled = Some((1.0 / 256.0, 0.0));
+            }
             let fits = |field: &&&ScalarField| {
                 field.name == place.name && field.values.iter().all(|&value| place.holds(value))
             };
@@ -117,13 +124,23 @@ impl<'a> Points<'a> {
     }
 }
 
+/// Whether the cloud's colors go from 0 to 255: in LAS they are those times 256 [§2.6.3].
+fn has_8_bit_colors(fields: &[ScalarField]) -> bool {
+    COLORS.into_iter().all(|name| {
+        let field = fields.iter().find(|field| field.name == name);
+        field.is_some_and(|field| {
+            field.kind != ScalarType::Uint16 && field.values.iter().all(|&x| ScalarType::Uint8.holds(x))
+        })
+    })
+}
+
 /// The point format and bytes of a cloud that did not come as LAS.
 fn fresh_format(fields: &[ScalarField]) -> (u8, usize) {
     let is_word = |name: &str| {
         let field = fields.iter().find(|field| field.name == name);
         field.is_some_and(|field| field.values.iter().all(|&x| ScalarType::Uint16.holds(x)))
     };
-    let format = match (["red", "green", "blue"].into_iter().all(is_word), is_word("nir")) {
+    let format = match (COLORS.into_iter().all(is_word), is_word("nir")) {
         (false, _) => 6,
         (true, false) => 7,
         (true, true) => 8,

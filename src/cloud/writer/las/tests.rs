@@ -195,6 +195,45 @@ fn a_changed_field_and_a_new_one_stand_beside_what_was_there() {
 }
 
 #[test]
+fn colors_of_8_bits_fill_16() {
+    let cloud = PointCloud::new(3, vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0], NonFinite::Reject).unwrap();
+    let colored = |kind: ScalarType, largest: f64| {
+        let field = |name: &str| ScalarField { name: name.to_owned(), kind, values: vec![1.0, largest] };
+        let cloud = cloud.clone().with_fields(["red", "green", "blue"].map(field).to_vec()).unwrap();
+        let back = read(&written(&cloud, Format::Las), Format::Las, &ReadOptions::default()).unwrap();
+        back.fields()[0].values.clone()
+    };
+    for kind in [ScalarType::Uint8, ScalarType::Float64] {
+        assert_eq!(colored(kind, 255.0), [256.0, 65_280.0], "as LAS 1.4 wants it");
+    }
+    assert_eq!(colored(ScalarType::Uint16, 255.0), [1.0, 255.0], "they have 16 bits already");
+    assert_eq!(colored(ScalarType::Float64, 256.0), [1.0, 256.0]);
+}
+
+#[test]
+fn coordinates_from_end_to_end_of_their_32_bits_are_packed_and_unpacked() {
+    for format in 0..=10 {
+        let mut bytes = file(format);
+        let header = crate::cloud::las::Header::parse(&bytes).unwrap();
+        for (index, point) in
+            bytes[header.body..][..POINTS * header.record].chunks_exact_mut(header.record).enumerate()
+        {
+            for axis in 0..3 {
+                let step = if (index + axis).is_multiple_of(2) {
+                    i32::MIN
+                } else {
+                    i32::MAX - 7 * i32::from(index as u16)
+                };
+                point[4 * axis..4 * axis + 4].copy_from_slice(&step.to_le_bytes());
+            }
+        }
+        let cloud = read(&bytes, Format::Las, &ReadOptions::default()).unwrap();
+        let back = read(&written(&cloud, Format::Laz), Format::Laz, &ReadOptions::default()).unwrap();
+        assert_eq!(back.coordinates(), cloud.coordinates(), "format {format}");
+    }
+}
+
+#[test]
 fn extra_bytes_never_have_the_name_of_an_attribute() {
     let field = |name: &str, values: &[f64]| ScalarField {
         name: name.to_owned(),
