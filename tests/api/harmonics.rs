@@ -198,6 +198,21 @@ async fn a_filtered_cloud_keeps_everything_else_of_the_upload() {
 }
 
 #[tokio::test]
+async fn a_filter_that_leaves_nothing_of_the_shape_says_so_in_every_answer_that_has_words() {
+    let service = Service::start().await;
+    let id = service.succeed(&format!("bases={BASES}"), file(&colored(), Format::Ply)).await;
+    let path = format!("/jobs/{id}/filtered");
+    let whole = service.json(&format!("{path}?format=json")).await;
+    assert_eq!(whole["warnings"].as_array().unwrap().len(), 0, "{whole}");
+    let one = service.json(&format!("{path}?format=json&cutoff=1")).await;
+    assert!(one["warnings"][0].as_str().unwrap().contains("at one place"), "{one}");
+    let text = String::from_utf8(get(&service, &format!("{path}?encoding=ascii&cutoff=1")).await).unwrap();
+    assert!(text.contains("\ncomment warning: the filter leaves the points at one place"), "{text:.400}");
+    let field = service.json(&format!("{path}?format=json&cutoff=1&field=red")).await;
+    assert_eq!(field["warnings"].as_array().unwrap().len(), 0, "a field has no shape");
+}
+
+#[tokio::test]
 async fn a_named_field_is_filtered_in_place_of_the_coordinates() {
     let service = Service::start().await;
     let before = colored();

@@ -11,6 +11,7 @@ use uuid::Uuid;
 use super::points;
 use crate::cloud::writer::{Column, PlyEncoding, encode_rows, npy_header};
 use crate::cloud::{PointCloud, ScalarType};
+use crate::harmonics::collapse::collapse;
 use crate::harmonics::filtered::{self as filtering, Change, Target};
 use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Filter, FilterKind, Scale, Transfer};
@@ -122,6 +123,8 @@ pub(crate) struct Filtered {
     transfer: Transfer,
     /// Index ranges `[first, last]` of modes with different gains among which the choice of bases is arbitrary.
     divided_clusters: Vec<[usize; 2]>,
+    /// What the caller should know, as that the filter leaves nothing of the shape of the cloud.
+    warnings: Vec<String>,
     /// Energy of every filtered function, before and after.
     energy: BTreeMap<String, Change>,
     /// Coordinates of every point, when they were filtered; null where they are not finite.
@@ -254,13 +257,14 @@ async fn answer<R: Resource>(
         .map(move |block| filtering::rows(block, &source, &found, &applied))
         .await?;
 
-    let head = Filtered {
+    let mut head = Filtered {
         job_id: job.id,
         cloud_id: job.cloud_id,
         points: cloud.len(),
         rows_without_result: lost,
         transfer,
         divided_clusters,
+        warnings: Vec::new(),
         energy,
         coordinates: None,
         fields: None,
@@ -268,6 +272,10 @@ async fn answer<R: Resource>(
     let (offer, length) = (*offer, cloud.len());
     let encode = move |wanted: &Wanted| {
         let columns = joined(&blocks, length);
+        if target == Target::Coordinates {
+            let before: Vec<&[f64]> = given.iter().map(|function| function.values.as_slice()).collect();
+            head.warnings.extend(collapse(&before, &columns));
+        }
         match offer {
             NPY => Ok(npy(&columns)),
             JSON => json(head, &target, given.iter().map(|f| f.name.clone()).zip(columns), wanted),
@@ -338,6 +346,7 @@ fn file(
     wanted: &Wanted,
 ) -> Result<Vec<u8>, Problem> {
     let encoding = if ascii { PlyEncoding::Ascii } else { PlyEncoding::BinaryLittleEndian };
+    let told = head.warnings.iter().map(|warning| format!("warning: {warning}"));
     let comment = format!(
         "chladni job {}: {description}; outside of the {} bases x {}; {} rows without a result unchanged",
         head.job_id,
@@ -345,7 +354,8 @@ fn file(
         head.transfer.outside,
         head.rows_without_result
     );
-    cloud_file::encode(cloud, offer, encoding, &[comment], wanted)
+    let comments: Vec<String> = std::iter::once(comment).chain(told).collect();
+    cloud_file::encode(cloud, offer, encoding, &comments, wanted)
 }
 
 #[cfg(test)]
