@@ -9,6 +9,7 @@ use std::process::{Command, Output, Stdio};
 
 use chladni::cloud::PointCloud;
 use chladni::cloud::reader::{Format, ReadOptions, read};
+use chladni::cloud::writer::write;
 use rstest::rstest;
 use tempfile::{TempDir, tempdir};
 
@@ -312,8 +313,9 @@ fn survey() -> Vec<u8> {
 #[test]
 fn a_filtered_survey_leaves_with_the_records_and_flags_it_came_with() {
     let folder = tempdir().unwrap();
-    let before = survey();
-    fs::write(folder.path().join("a.las"), &before).unwrap();
+    fs::write(folder.path().join("a.las"), survey()).unwrap();
+    let mut before = Vec::new();
+    write(&cloud(&folder.path().join("a.las")), Format::Las, &mut before).unwrap();
     succeeded(&chladni(&folder, "analyze a.las -o r -k 10 --operator voronoi"));
     for target in ["", "--field intensity"] {
         succeeded(&chladni(&folder, &format!("filter r -o same.las --gains 1 --outside 1 {target}")));
