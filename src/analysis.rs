@@ -2,6 +2,7 @@
 
 mod admission;
 mod assembly;
+mod durations;
 mod error;
 mod fidelity;
 mod laplacian;
@@ -17,7 +18,7 @@ pub use error::AnalysisError;
 pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;
 pub use memory::memory_estimate;
-pub use parameters::{Additions, JobKind, Parameters};
+pub use parameters::{Additions, JobKind, Parameters, Task};
 pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 
@@ -74,6 +75,7 @@ pub fn analyze_by(
     let parameters = &parameters.in_units(points.unit());
     let triangles = triangles(cloud, &points, parameters)?;
 
+    progress.expect(durations::expected(kind, parameters, points.len()));
     progress.enter(Phase::Neighborhoods)?;
     let Neighborhoods { points, tree, nearest, merged, strays, noise } =
         Neighborhoods::find(points, parameters, rules, progress)?;
@@ -292,7 +294,7 @@ fn without_small_components(
     }
     let keep: Vec<u32> =
         (0..n as u32).filter(|&i| found.size[found.label[i as usize] as usize] >= COMPONENT_MIN).collect();
-    // A curve that is taken for a surface falls apart, and what is left of it by chance is no result.
+    // A curve that is taken for a surface falls apart, and what is left of it by chance is not a result.
     if keep.is_empty() || (looks_thinner && 2 * keep.len() < n) {
         let connected = if keep.is_empty() {
             format!("no {COMPONENT_MIN} of the {n} points are connected")

@@ -7,6 +7,7 @@ mod compact;
 mod completions;
 mod demo;
 mod environment;
+mod flags;
 mod harmonics;
 mod health;
 mod input;

@@ -99,6 +99,7 @@ extern crate self as chladni;
 pub mod analysis;
 #[cfg(feature = "server")]
 pub mod app;
+pub mod arguments;
 #[cfg(feature = "server")]
 #[doc(hidden)] // a program: its modules are of no use to other programs
 pub mod cli;

@@ -45,7 +45,7 @@ struct Phase {
 
 /// What stands somewhere at the moment of asking.
 #[derive(Debug, Clone, Default)]
-pub struct Levels {
+pub struct Gauges {
     /// Jobs by state.
     pub jobs: Vec<(&'static str, u64)>,
     /// Bytes that running jobs are estimated to take.
@@ -192,7 +192,7 @@ impl Metrics {
     ///
     /// # Errors
     /// [`fmt::Error`], which strings do not raise.
-    pub fn text(&self, levels: &Levels) -> Result<String, fmt::Error> {
+    pub fn text(&self, levels: &Gauges) -> Result<String, fmt::Error> {
         for (state, jobs) in &levels.jobs {
             self.jobs.get_or_create(&State { state }).set(signed(*jobs));
         }
@@ -231,13 +231,13 @@ mod tests {
         metrics.claimed(0.5);
         metrics.ended("succeeded");
         metrics.phase("cells", 2.0);
-        let levels = Levels {
+        let levels = Gauges {
             jobs: vec![("queued", 3)],
             disk_free: 1 << 40,
             oldest_queued_seconds: 2.5,
             database_file: 30,
             database_free: 20,
-            ..Levels::default()
+            ..Gauges::default()
         };
         let text = metrics.text(&levels).unwrap();
         for line in [

@@ -64,7 +64,7 @@ pub(super) fn triangles(
 const BASES_SHARE: usize = 5;
 
 /// Points up to which an operator is solved densely, for all bases.
-fn dense_max(parameters: &Parameters) -> usize {
+pub(super) fn dense_max(parameters: &Parameters) -> usize {
     if parameters.operator.is_pcd() { DENSE_POINTS_MAX_GENERAL } else { DENSE_POINTS_MAX }
 }
 
@@ -77,12 +77,12 @@ fn check_bases(parameters: &Parameters, points: usize) -> Result<(), AnalysisErr
     let bases = parameters.bases;
     let refuse = |reason| Err(AnalysisError::Parameter { name: "bases", reason });
     if bases > points {
-        return refuse(format!("{bases} bases asked of {points} distinct points; at most {points} exist"));
+        return refuse(format!("requested {bases} bases, but {points} distinct points allow at most {points}"));
     }
     let dense_max = dense_max(parameters);
     if bases > bases_max(parameters, points) {
         return refuse(format!(
-            "{bases} bases asked of {points} points; above {dense_max} points at most a fifth of them, {}, are computed",
+            "requested {bases} bases of {points} points; above {dense_max} points at most a fifth as many, {}, can be computed",
             points / BASES_SHARE
         ));
     }

@@ -3,13 +3,28 @@
 use serde::{Deserialize, Serialize};
 
 use super::AnalysisError;
+use crate::arguments::{Arguments, Value, arguments};
 use crate::geometry::Sampling;
 use crate::geometry::frames::INTRINSIC_MAX;
 use crate::operator::{Distance, HeatKernel, OperatorKind, Parameterization, graph, pb_mhb, pcd};
 
 /// Whether only the operator is built, or its eigenpairs too.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "lowercase")]
 pub enum JobKind {
     /// Builds and diagnoses the operator; its matrices Q and B can be fetched.
@@ -19,47 +34,17 @@ pub enum JobKind {
     Eigen,
 }
 
-/// What a caller may choose. Absent numbers are derived from the cloud; absent switches follow `paper`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[serde(default, deny_unknown_fields)]
-pub struct Parameters {
-    /// The discrete Laplace–Beltrami operator.
-    pub operator: OperatorKind,
-    /// Intrinsic dimension k of the manifold that the points sample: 1 for curves, 2 for surfaces, 3 for volumes.
-    pub dimension: usize,
-    /// Number of eigenpairs, the zero modes included.
-    pub bases: usize,
-    /// Largest relative residual of an eigenpair.
-    pub tolerance: f64,
-    /// Time of the heat kernel, in squared units of the cloud.
-    pub t: Option<f64>,
-    /// The same as a multiple of ε².
-    pub t_factor: Option<f64>,
-    /// Cut-off radius of the heat kernel, or length of a graph's edges, in units of the cloud.
-    pub delta: Option<f64>,
-    /// The same as a multiple of √(2t); of ε for graph operators, which have no t.
-    pub delta_factor: Option<f64>,
-    /// Covering radius ε, in units of the cloud, instead of the estimate.
-    pub epsilon: Option<f64>,
-    /// Distance in the Gaussian of `pcd`.
-    pub distance: Option<Distance>,
-    /// How `pcd` chooses t, δ and its simplices.
-    pub parameterization: Option<Parameterization>,
-    /// Exactly the paper's operator: switches all additions off that are not set themselves.
-    pub paper: bool,
-    /// Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.
-    pub isometric_cells: Option<bool>,
-    /// Make up for the Gaussian's share beyond the cut-off.
-    pub truncation_compensation: Option<bool>,
-    /// Couple only neighbors on the same sheet of the surface.
-    pub sheet_aware: Option<bool>,
-    /// Measure distances in the kernel along the surface; needs `isometric_cells`.
-    pub surface_distances: Option<bool>,
-    /// Scale the kernel so that its second moment is right around every point.
-    pub moment_calibration: Option<bool>,
-    /// Report λ = −ln(1−tμ)/t beside the raw μ.
-    pub heat_correction: Option<bool>,
+/// Most bases that any configuration may allow.
+const BASES_CEILING: usize = 10_000;
+
+arguments! {
+    /// What a job computes.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Task {
+        /// What the job computes: `eigen` builds the operator, then bases and spectrum; `operator` builds and describes
+        /// the operator, whose matrices can then be fetched.
+        kind: JobKind = word(JobKind), default JobKind::Eigen;
+    }
 }
 
 /// Where a Gaussian is cut at the latest: `exp(−600)` is near the smallest number there is.
@@ -78,28 +63,51 @@ const APPLIED_ENTRIES: f64 = 4e7;
 /// Largest factor of a length: beyond it a kernel is flat over any cloud that can be analyzed.
 const FACTOR_MAX: f64 = 1e6;
 
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            operator: OperatorKind::default(),
-            dimension: 2,
-            bases: 100,
-            tolerance: 1e-4,
-            t: None,
-            t_factor: None,
-            delta: None,
-            delta_factor: None,
-            epsilon: None,
-            distance: None,
-            parameterization: None,
-            paper: false,
-            isometric_cells: None,
-            truncation_compensation: None,
-            sheet_aware: None,
-            surface_distances: None,
-            moment_calibration: None,
-            heat_correction: None,
-        }
+arguments! {
+    /// What a caller may choose. Absent numbers are derived from the cloud; absent switches follow `paper`.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Parameters {
+        /// The discrete Laplace–Beltrami operator. `mesh` and `cotangent` need a cloud with faces.
+        operator: OperatorKind = word(OperatorKind), default OperatorKind::PbMhb;
+        /// Intrinsic dimension k of what the points sample: 1 for curves, 2 for surfaces, 3 for volumes.
+        dimension: usize = integer(1, INTRINSIC_MAX), default 2;
+        /// Number of eigenpairs, the zero modes included. At most the number of points, and the service's own limit.
+        #[short = 'k']
+        bases: usize = integer(1, BASES_CEILING), default 100;
+        /// Largest relative residual of an eigenpair.
+        #[alias = "tol"]
+        tolerance: f64 = range(1e-12, 1e-1), default 1e-4;
+        /// Time of the heat kernel, in squared units of the cloud.
+        t: Option<f64> = positive, absent "from t_factor";
+        /// The same as a multiple of ε².
+        t_factor: Option<f64> = positive, absent "by operator";
+        /// Cut-off radius of the heat kernel, or length of a graph's edges, in units of the cloud.
+        delta: Option<f64> = positive, absent "from delta_factor";
+        /// The same as a multiple of √(2t); of ε for graph operators, which have no t.
+        delta_factor: Option<f64> = positive, absent "by operator";
+        /// Covering radius ε of the sampling, in units of the cloud, instead of the estimate.
+        epsilon: Option<f64> = positive, absent "estimated";
+        /// Distance in the Gaussian of `pcd`: in space, or in the tangent plane of the row's point.
+        distance: Option<Distance> = word(Distance), absent "by parameterization";
+        /// How `pcd` chooses t, δ and its simplices: from the covering radius as in the paper, or from the mean distance
+        /// to the ten nearest as the authors' own program does.
+        parameterization: Option<Parameterization> = word(Parameterization), absent "covering-radius";
+        /// Exactly the operator of the PB-MHB paper: switches all additions off that are not set themselves.
+        paper: bool = switch, default false;
+        /// Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.
+        isometric_cells: Option<bool> = switch, absent "not paper";
+        /// Make up for the Gaussian's share beyond the cut-off.
+        truncation_compensation: Option<bool> = switch, absent "not paper";
+        /// Couple only neighbors on the same sheet of the surface.
+        sheet_aware: Option<bool> = switch, absent "not paper";
+        /// Measure distances in the kernel of `pb-mhb` along the surface; needs `isometric_cells`.
+        surface_distances: Option<bool> = switch, absent "not paper";
+        /// Scale the kernel of `pb-mhb` so that its second moment is right around every point.
+        moment_calibration: Option<bool> = switch, absent "not paper";
+        /// Report λ = −ln(1−tμ)/t as eigenvalues, beside the raw μ of the matrices.
+        heat_correction: Option<bool> = switch, absent "not paper";
     }
 }
 
@@ -110,31 +118,11 @@ impl Parameters {
     /// [`AnalysisError::Parameter`] with the field's name.
     pub fn check(&self) -> Result<(), AnalysisError> {
         let refuse = |name, reason: &str| Err(AnalysisError::Parameter { name, reason: reason.into() });
-        if self.bases == 0 {
-            return refuse("bases", "must be at least 1");
-        }
-        if !(1..=INTRINSIC_MAX).contains(&self.dimension) {
-            return refuse("dimension", "must be 1, 2 or 3");
-        }
+        self.check_ranges()?;
         if self.operator.needs_faces() && self.dimension != 2 {
             return refuse("dimension", "must be 2 for an operator on the triangles of a mesh");
         }
         self.check_pcd()?;
-        if !(1e-12..=1e-1).contains(&self.tolerance) {
-            return refuse("tolerance", "must lie between 1e-12 and 0.1");
-        }
-        let lengths = [
-            ("t", self.t),
-            ("t_factor", self.t_factor),
-            ("delta", self.delta),
-            ("delta_factor", self.delta_factor),
-            ("epsilon", self.epsilon),
-        ];
-        for (name, value) in lengths {
-            if value.is_some_and(|x| !(x > 0.0 && x.is_finite())) {
-                return refuse(name, "must be a positive number");
-            }
-        }
         for (name, value) in [("t_factor", self.t_factor), ("delta_factor", self.delta_factor)] {
             if value.is_some_and(|x| x > FACTOR_MAX) {
                 return refuse(name, "must be at most 1,000,000");
@@ -145,6 +133,30 @@ impl Parameters {
         }
         if self.delta.is_some() && self.delta_factor.is_some() {
             return refuse("delta_factor", "cannot be combined with `delta`");
+        }
+        Ok(())
+    }
+
+    /// Refuses numbers that the declaration does not accept.
+    fn check_ranges(&self) -> Result<(), AnalysisError> {
+        let whole = |number| Some(Value::Integer(number));
+        let number = |number: Option<f64>| number.map(Value::Number);
+        let given = [
+            ("dimension", whole(self.dimension)),
+            ("bases", whole(self.bases)),
+            ("tolerance", number(Some(self.tolerance))),
+            ("t", number(self.t)),
+            ("t_factor", number(self.t_factor)),
+            ("delta", number(self.delta)),
+            ("delta_factor", number(self.delta_factor)),
+            ("epsilon", number(self.epsilon)),
+        ];
+        for argument in Self::table() {
+            let value = given.iter().find(|(name, _)| *name == argument.name);
+            if value.is_some_and(|(_, value)| value.as_ref().is_some_and(|x| !argument.accepts.holds(x))) {
+                let reason = format!("must be {}", argument.accepts.in_words());
+                return Err(AnalysisError::Parameter { name: argument.name, reason });
+            }
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Additions, COMPONENT_MIN, Fidelity};
+use super::{Additions, COMPONENT_MIN, Fidelity, Parameters};
 use crate::geometry::Sampling;
 use crate::operator::{HeatKernel, OperatorKind};
 use crate::spectrum::Spectrum;
@@ -114,6 +114,26 @@ impl Report {
         }
         if certificates.missed.is_none() {
             self.warnings.push("whether an eigenvalue was missed could not be checked".into());
+        }
+    }
+}
+
+impl Parameters {
+    /// The parameters as used: these, and those that the analysis derived from the cloud.
+    #[must_use]
+    pub fn as_used(&self, report: &Report) -> Self {
+        let (kernel, additions) = (report.heat_kernel, &report.additions);
+        Self {
+            epsilon: Some(report.sampling.epsilon),
+            t: kernel.map(|kernel| kernel.t),
+            delta: kernel.map(|kernel| kernel.delta).or(self.delta),
+            isometric_cells: Some(additions.isometric_cells),
+            truncation_compensation: Some(additions.truncation_compensation),
+            sheet_aware: Some(additions.sheet_aware),
+            surface_distances: Some(additions.surface_distances),
+            moment_calibration: Some(additions.moment_calibration),
+            heat_correction: Some(additions.heat_correction),
+            ..self.clone()
         }
     }
 }

@@ -50,7 +50,7 @@ fn membership(line: &str) -> Option<(&'static Hierarchy, &Path)> {
     }
 }
 
-/// The limits of a group and of those above it. `max`, which is no number, is none.
+/// The limits of a group and of those above it. `max`, which is not a number, is none.
 fn limits_on(root: &Path, hierarchy: &'static Hierarchy, group: &Path) -> Vec<u64> {
     // `..` leads to a group outside of the process's namespace, which is not mounted.
     let group: PathBuf =

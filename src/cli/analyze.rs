@@ -9,9 +9,10 @@ use std::sync::Arc;
 
 use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
 use chladni::cloud::reader::read_columns;
-use chladni::operator::{Distance, OperatorKind, Parameterization};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use strum::VariantNames;
 
+use super::flags::Flags;
 use super::input::{self, CloudArgs};
 use super::interrupt::Interrupt;
 use super::reporting::Reporting;
@@ -49,140 +50,17 @@ pub(crate) struct AnalyzeArgs {
     #[command(flatten)]
     reporting: Reporting,
 
-    #[command(flatten)]
-    parameters: ParameterArgs,
-}
-
-/// The analysis's parameters; what is not given is derived from the cloud.
-#[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Parameters of the analysis")]
-struct ParameterArgs {
-    /// Discrete Laplace-Beltrami operator
-    #[arg(long, default_value = OperatorKind::default().name(), value_parser = operators())]
-    operator: OperatorKind,
-
-    /// Intrinsic dimension: 1 for curves, 2 for surfaces, 3 for volumes
-    #[arg(long, value_name = "K", default_value_t = Parameters::default().dimension)]
-    dimension: usize,
-
-    /// Number of eigenpairs, the zero modes included [default: 100, or what a small cloud allows]
-    #[arg(long, short = 'k', value_name = "K")]
-    bases: Option<usize>,
-
-    /// Largest relative residual of an eigenpair
-    #[arg(long = "tol", alias = "tolerance", value_name = "RESIDUAL", default_value_t = Parameters::default().tolerance)]
-    tolerance: f64,
-
-    /// Time of the heat kernel, in squared units of the cloud
-    #[arg(long)]
-    t: Option<f64>,
-
-    /// The same as a multiple of the squared covering radius
-    #[arg(long, value_name = "FACTOR")]
-    t_factor: Option<f64>,
-
-    /// Cut-off radius of the heat kernel, or length of a graph's edges, in units of the cloud
-    #[arg(long)]
-    delta: Option<f64>,
-
-    /// The same as a multiple of √(2t); of the covering radius for graph operators
-    #[arg(long, value_name = "FACTOR")]
-    delta_factor: Option<f64>,
-
-    /// Covering radius, in units of the cloud, instead of the estimate
-    #[arg(long)]
-    epsilon: Option<f64>,
-
-    /// Distance in the Gaussian of pcd
-    #[arg(long, value_parser = distances())]
-    distance: Option<Distance>,
-
-    /// How pcd chooses t, delta and its simplices
-    #[arg(long, value_parser = parameterizations())]
-    parameterization: Option<Parameterization>,
-
-    /// Exactly the paper's operator: all additions below are off unless they are set
-    #[arg(long)]
-    paper: bool,
-
-    /// Measure cells by true distances; on surfaces in the triangles around every point
-    #[arg(long, value_name = "BOOL")]
-    isometric_cells: Option<bool>,
-
-    /// Make up for the Gaussian's share beyond the cut-off
-    #[arg(long, value_name = "BOOL")]
-    truncation_compensation: Option<bool>,
-
-    /// Couple only neighbors on the same sheet of the surface
-    #[arg(long, value_name = "BOOL")]
-    sheet_aware: Option<bool>,
-
-    /// Measure distances in the kernel along the surface
-    #[arg(long, value_name = "BOOL")]
-    surface_distances: Option<bool>,
-
-    /// Scale the kernel so that its second moment is right around every point
-    #[arg(long, value_name = "BOOL")]
-    moment_calibration: Option<bool>,
-
-    /// Report λ = −ln(1−tμ)/t beside the raw μ
-    #[arg(long, value_name = "BOOL")]
-    heat_correction: Option<bool>,
-}
-
-impl ParameterArgs {
-    fn parameters(&self) -> Parameters {
-        Parameters {
-            operator: self.operator,
-            dimension: self.dimension,
-            bases: self.bases.unwrap_or(Parameters::default().bases),
-            tolerance: self.tolerance,
-            t: self.t,
-            t_factor: self.t_factor,
-            delta: self.delta,
-            delta_factor: self.delta_factor,
-            epsilon: self.epsilon,
-            distance: self.distance,
-            parameterization: self.parameterization,
-            paper: self.paper,
-            isometric_cells: self.isometric_cells,
-            truncation_compensation: self.truncation_compensation,
-            sheet_aware: self.sheet_aware,
-            surface_distances: self.surface_distances,
-            moment_calibration: self.moment_calibration,
-            heat_correction: self.heat_correction,
-        }
-    }
-}
-
-fn distances() -> impl TypedValueParser<Value = Distance> {
-    PossibleValuesParser::new(["ambient", "projected"]).map(|name| match name.as_str() {
-        "ambient" => Distance::Ambient,
-        _ => Distance::Projected,
-    })
-}
-
-fn parameterizations() -> impl TypedValueParser<Value = Parameterization> {
-    PossibleValuesParser::new(["covering-radius", "nearest-ten"]).map(|name| match name.as_str() {
-        "covering-radius" => Parameterization::CoveringRadius,
-        _ => Parameterization::NearestTen,
-    })
-}
-
-fn operators() -> impl TypedValueParser<Value = OperatorKind> {
-    let find = |name: String| OperatorKind::ALL.into_iter().find(|kind| kind.name() == name);
-    PossibleValuesParser::new(OperatorKind::ALL.map(OperatorKind::name))
-        .try_map(move |name| find(name).ok_or("unknown"))
+    #[command(flatten, next_help_heading = "Parameters of the analysis")]
+    parameters: Flags<Parameters>,
 }
 
 fn kinds() -> impl TypedValueParser<Value = JobKind> {
-    PossibleValuesParser::new(["eigen", "operator"])
-        .map(|name| if name == "operator" { JobKind::Operator } else { JobKind::Eigen })
+    PossibleValuesParser::new(JobKind::VARIANTS).try_map(|name| name.parse::<JobKind>())
 }
 
 /// Reads, analyses, writes, and prints a summary.
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<(), Failure> {
-    let parameters = args.parameters.parameters();
+    let parameters = args.parameters.0.clone();
     parameters.check().map_err(Failure::input)?;
     let kind = kind(args)?;
     let directory = output::Directory::prepare(&args.output, args.force)?;
@@ -202,9 +80,10 @@ fn analyze_into(
     let cloud = args.reading.read(&args.cloud)?;
     let functions = args.apply.as_deref().map(|path| functions(path, cloud.len())).transpose()?;
     let mut parameters = parameters.clone();
-    let admitted = match args.parameters.bases {
-        None => analysis::admit_lowered(&cloud, &mut parameters),
-        Some(_) => analysis::admit(&cloud, &parameters),
+    let admitted = if args.parameters.is_given("bases") {
+        analysis::admit(&cloud, &parameters)
+    } else {
+        analysis::admit_lowered(&cloud, &mut parameters)
     };
     admitted.map_err(|error| of_analysis(&error))?;
     let ran = run::with_progress(&cloud, kind, &parameters, args.threads, watch)?;

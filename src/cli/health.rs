@@ -33,7 +33,7 @@ pub(crate) fn run(args: &HealthArgs) -> Result<(), Failure> {
 
 /// Host with port, and path, of an `http` URL.
 fn split(url: &str) -> Result<(String, String), Failure> {
-    let refuse = || Failure::Input(format!("`{url}` is no address; http://HOST:PORT/livez is one"));
+    let refuse = || Failure::Input(format!("`{url}` is not an address; http://HOST:PORT/livez is one"));
     let rest = url.strip_prefix("http://").ok_or_else(refuse)?;
     let (authority, path) = rest.split_once('/').unwrap_or((rest, "livez"));
     if authority.is_empty() || url.contains(|c: char| c.is_whitespace() || c.is_control()) {

@@ -39,7 +39,7 @@ impl Reporting {
     /// Prints a line, or several, of the command's own output.
     pub(super) fn say(self, text: &str) {
         if !self.quiet {
-            // A reader that has seen enough, such as `head`, is no failure.
+            // A reader that has seen enough, such as `head`, is not a failure.
             let _ = writeln!(io::stdout().lock(), "{text}");
         }
     }

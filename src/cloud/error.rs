@@ -13,7 +13,7 @@ pub enum CloudError {
         /// Coordinates per point.
         dimension: usize,
     },
-    /// The number of values is no multiple of the dimension.
+    /// The number of values is not a multiple of the dimension.
     #[error("{values} values do not divide into points of {dimension} coordinates")]
     Ragged {
         /// Number of values.

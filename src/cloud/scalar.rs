@@ -82,7 +82,7 @@ impl ScalarType {
     }
 
     /// The type in which computed values of such a quantity are written: `float` stays `float`, everything else
-    /// becomes `double`, since a filtered integer is no integer.
+    /// becomes `double`, since a filtered integer is not an integer.
     #[must_use]
     pub const fn floating(self) -> Self {
         match self {

@@ -94,7 +94,7 @@ impl Taken {
         edges
     }
 
-    /// Puts back what is no hole: small groups away from rims and, to `verify`, those that go on across their rims.
+    /// Puts back what is not a hole: small groups away from rims and, to `verify`, those that go on across their rims.
     pub(super) fn close(&self, stars: &mut Stars, points: &Points, verify: bool) {
         let goes_on = if verify { self.going_on(stars, points) } else { vec![false; self.sizes.len()] };
         for &(i, k, id) in &self.spokes {

@@ -35,7 +35,7 @@ pub enum GeometryError {
     },
     /// A manifold cannot have more dimensions than the space that it lies in.
     #[error(
-        "intrinsic dimension {intrinsic} asked of points in {ambient} dimensions; at most {ambient} is possible"
+        "requested intrinsic dimension {intrinsic} of points in {ambient} dimensions, which allow at most {ambient}"
     )]
     Intrinsic {
         /// Intrinsic dimension k.

@@ -3,10 +3,24 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Block, Modes};
+use crate::arguments::arguments;
 
 /// Which distance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "lowercase")]
 pub enum DistanceKind {
     /// `d² = Σ (H_i(p) − H_i(q))² / λ_i²` over the non-zero modes [Lipman, Rustamov, Funkhouser 2010]; a length.
@@ -20,10 +34,20 @@ impl DistanceKind {
     /// As in the interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Biharmonic => "biharmonic",
-            Self::Diffusion => "diffusion",
-        }
+        <Self as strum::VariantNames>::VARIANTS[self as usize]
+    }
+}
+
+arguments! {
+    /// Which distance, from where.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct DistanceRequest {
+        /// Row of the upload to measure from, counting from 0.
+        from: usize = integer(0, usize::MAX), default 0;
+        /// Biharmonic distance (a length), or diffusion distance (in 1/length).
+        kind: DistanceKind = word(DistanceKind), default DistanceKind::Biharmonic;
+        /// Time of the diffusion, in squared units of the cloud.
+        time: Option<f64> = positive, absent "1/√(λ₁ λ_max)";
     }
 }
 

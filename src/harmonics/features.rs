@@ -11,7 +11,8 @@ use std::collections::HashMap;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::Surroundings;
+use super::Neighborhoods;
+use crate::arguments::arguments;
 use crate::cloud::writer::{Column, PlyEncoding, PlyHeader, axis_name, encode_rows};
 use crate::cloud::{PointCloud, ScalarType};
 
@@ -21,10 +22,39 @@ pub const PERSISTENCE_MIN: f64 = 0.1;
 /// Radius of the neighborhoods when nothing is said, as a multiple of the covering radius ε.
 pub const RADIUS_IN_EPSILON: f64 = 2.0;
 
+arguments! {
+    /// Which feature points are looked for.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct FeatureRequest {
+        /// Look at this number of the lowest modes only: they are the more stable.
+        modes: Option<usize> = integer(2, usize::MAX), absent "all";
+        /// Least persistence of an extremum, as a multiple of a basis' root mean square.
+        persistence: f64 = nonnegative, default PERSISTENCE_MIN;
+        /// Radius of the neighborhoods, in units of the cloud.
+        radius: Option<f64> = positive, absent "2ε";
+        /// Only this number of the most persistent feature points.
+        limit: Option<usize> = integer(1, usize::MAX), absent "all";
+    }
+}
+
+impl FeatureRequest {
+    /// Radius of the neighborhoods on a cloud with covering radius `epsilon`.
+    #[must_use]
+    pub fn radius(&self, epsilon: f64) -> f64 {
+        self.radius.unwrap_or(RADIUS_IN_EPSILON * epsilon)
+    }
+
+    /// Number of modes looked at, of `available`.
+    #[must_use]
+    pub fn modes(&self, available: usize) -> usize {
+        self.modes.map_or(available, |modes| modes.min(available))
+    }
+}
+
 /// A hill of `|H|`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extremum {
-    /// Its summit, a point of the [`Surroundings`].
+    /// Its summit, a point of the [`Neighborhoods`].
     pub point: u32,
     /// Height above the saddle to a higher hill or the nodal line, as a multiple of the basis' root mean square.
     pub persistence: f64,
@@ -47,9 +77,9 @@ pub struct Feature {
 /// Extrema of one basis, given row by row of the upload; `area` is the total mass, the square of the basis' inverse root
 /// mean square.
 #[must_use]
-pub fn extrema(basis: &[f64], surroundings: &Surroundings, area: f64) -> Vec<Extremum> {
-    let value: Vec<f64> = (0..surroundings.len()).map(|i| basis[surroundings.row(i)]).collect();
-    let summit = summits(&value, surroundings);
+pub fn extrema(basis: &[f64], neighborhoods: &Neighborhoods, area: f64) -> Vec<Extremum> {
+    let value: Vec<f64> = (0..neighborhoods.len()).map(|i| basis[neighborhoods.row(i)]).collect();
+    let summit = summits(&value, neighborhoods);
     let scale = area.sqrt();
     let mut hills: HashMap<u32, Hill> = HashMap::new();
     for i in 0..summit.len() {
@@ -57,7 +87,7 @@ pub fn extrema(basis: &[f64], surroundings: &Surroundings, area: f64) -> Vec<Ext
             hills.insert(i as u32, Hill { parent: i as u32, persistence: value[i].abs() * scale });
         }
     }
-    for (level, [a, b]) in saddles(&value, &summit, surroundings) {
+    for (level, [a, b]) in saddles(&value, &summit, neighborhoods) {
         let (a, b) = (root(&hills, a), root(&hills, b));
         if a != b {
             let (lower, higher) = if is_higher(&value, a, b) { (b, a) } else { (a, b) };
@@ -98,10 +128,10 @@ fn same_sign(value: &[f64], i: u32, j: u32) -> bool {
 }
 
 /// Where the steepest way up from every point ends, on its side of the nodal line.
-fn summits(value: &[f64], surroundings: &Surroundings) -> Vec<u32> {
+fn summits(value: &[f64], neighborhoods: &Neighborhoods) -> Vec<u32> {
     let mut upward: Vec<u32> = (0..value.len() as u32)
         .map(|i| {
-            let around = surroundings.of(i as usize).iter().copied().filter(|&q| same_sign(value, i, q));
+            let around = neighborhoods.of(i as usize).iter().copied().filter(|&q| same_sign(value, i, q));
             around.fold(i, |best, q| if is_higher(value, q, best) { q } else { best })
         })
         .collect();
@@ -118,10 +148,10 @@ fn summits(value: &[f64], surroundings: &Surroundings) -> Vec<u32> {
 }
 
 /// The highest pass between every two hills that touch, highest first.
-fn saddles(value: &[f64], summit: &[u32], surroundings: &Surroundings) -> Vec<(f64, [u32; 2])> {
+fn saddles(value: &[f64], summit: &[u32], neighborhoods: &Neighborhoods) -> Vec<(f64, [u32; 2])> {
     let mut highest: HashMap<[u32; 2], f64> = HashMap::new();
     for i in 0..value.len() as u32 {
-        for &q in surroundings.of(i as usize) {
+        for &q in neighborhoods.of(i as usize) {
             let (a, b) = (summit[i as usize], summit[q as usize]);
             if a != b && same_sign(value, i, q) {
                 let level = value[i as usize].abs().min(value[q as usize].abs());
@@ -137,20 +167,20 @@ fn saddles(value: &[f64], summit: &[u32], surroundings: &Surroundings) -> Vec<(f
 
 /// Joins the extrema of consecutive modes, the first of which is mode `first`, into places.
 ///
-/// Extrema below `persistence_min` do not count. Two extrema, and two places, within the surroundings' radius of each
+/// Extrema below `persistence_min` do not count. Two extrema, and two places, within the neighborhoods' radius of each
 /// other are one place, at the most persistent of the extrema. Most persistent first.
 #[must_use]
 pub fn features(
     extrema: &[Vec<Extremum>],
     first: usize,
-    surroundings: &Surroundings,
+    neighborhoods: &Neighborhoods,
     persistence_min: f64,
 ) -> Vec<Place> {
     let strong = |extremum: &&Extremum| extremum.persistence >= persistence_min;
     let pairs = extrema.par_windows(2).enumerate().flat_map_iter(|(offset, modes)| {
         let (here, there) = (&modes[0], &modes[1]);
         here.iter().filter(strong).flat_map(move |a| {
-            let near = move |b: &&Extremum| surroundings.are_near(a.point as usize, b.point as usize);
+            let near = move |b: &&Extremum| neighborhoods.are_near(a.point as usize, b.point as usize);
             there.iter().filter(strong).filter(near).map(move |b| {
                 let (stronger, weaker) = if a.persistence >= b.persistence { (a, b) } else { (b, a) };
                 (weaker.persistence, stronger.point, first + offset)
@@ -162,7 +192,7 @@ pub fn features(
     let mut places: Vec<Place> = Vec::new();
     for (persistence, point, mode) in pairs {
         let known =
-            places.iter_mut().find(|place| surroundings.are_near(place.point as usize, point as usize));
+            places.iter_mut().find(|place| neighborhoods.are_near(place.point as usize, point as usize));
         match known {
             None => places.push(Place { point, persistence, modes: vec![mode] }),
             Some(place) if place.modes.contains(&mode) => {}
@@ -175,7 +205,7 @@ pub fn features(
 /// A feature before it is placed in the upload.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Place {
-    /// A point of the [`Surroundings`].
+    /// A point of the [`Neighborhoods`].
     pub point: u32,
     /// As in [`Feature`].
     pub persistence: f64,
@@ -186,8 +216,8 @@ pub struct Place {
 impl Place {
     /// In rows and coordinates of the upload.
     #[must_use]
-    pub fn in_cloud(&self, surroundings: &Surroundings, cloud: &PointCloud) -> Feature {
-        let index = surroundings.row(self.point as usize);
+    pub fn in_cloud(&self, neighborhoods: &Neighborhoods, cloud: &PointCloud) -> Feature {
+        let index = neighborhoods.row(self.point as usize);
         Feature {
             index,
             position: cloud.point(index).to_vec(),
@@ -228,11 +258,11 @@ mod tests {
     use crate::cloud::{NonFinite, PointCloud};
 
     /// A 30×30 grid of unit spacing.
-    fn grid() -> (PointCloud, Surroundings) {
+    fn grid() -> (PointCloud, Neighborhoods) {
         let points = (0..900).flat_map(|i| [f64::from(i % 30), f64::from(i / 30), 0.0]).collect();
         let cloud = PointCloud::new(3, points, NonFinite::Reject).unwrap();
-        let surroundings = Surroundings::find(&cloud, &[1.0; 900], 1.5).unwrap();
-        (cloud, surroundings)
+        let neighborhoods = Neighborhoods::find(&cloud, &[1.0; 900], 1.5).unwrap();
+        (cloud, neighborhoods)
     }
 
     /// Two hills of heights 3 and 2, whose pass is at 1, and a hollow of depth 4.
@@ -250,9 +280,9 @@ mod tests {
 
     #[test]
     fn a_hill_persists_down_to_its_pass_and_the_highest_down_to_the_nodal_line() {
-        let (cloud, surroundings) = grid();
-        let found = extrema(&landscape(&cloud), &surroundings, 1.0);
-        let rows: Vec<usize> = found.iter().map(|e| surroundings.row(e.point as usize)).collect();
+        let (cloud, neighborhoods) = grid();
+        let found = extrema(&landscape(&cloud), &neighborhoods, 1.0);
+        let rows: Vec<usize> = found.iter().map(|e| neighborhoods.row(e.point as usize)).collect();
         assert_eq!(rows[..3], [22 * 30 + 22, 8 * 30 + 6, 8 * 30 + 12]);
         let persistence: Vec<f64> = found.iter().map(|e| e.persistence).collect();
         assert!(
@@ -265,23 +295,23 @@ mod tests {
 
     #[test]
     fn the_sign_of_a_basis_changes_nothing() {
-        let (cloud, surroundings) = grid();
+        let (cloud, neighborhoods) = grid();
         let one = landscape(&cloud);
         let other: Vec<f64> = one.iter().map(|h| -h).collect();
-        assert_eq!(extrema(&one, &surroundings, 2.0), extrema(&other, &surroundings, 2.0));
+        assert_eq!(extrema(&one, &neighborhoods, 2.0), extrema(&other, &neighborhoods, 2.0));
     }
 
     #[test]
     fn extrema_of_two_modes_within_the_radius_are_one_place_and_others_none() {
-        let (_, surroundings) = grid();
-        let point = |row: usize| (0..900).find(|&i| surroundings.row(i) == row).unwrap() as u32;
+        let (_, neighborhoods) = grid();
+        let point = |row: usize| (0..900).find(|&i| neighborhoods.row(i) == row).unwrap() as u32;
         let extremum = |row, persistence| Extremum { point: point(row), persistence };
         let modes = [
             vec![extremum(100, 2.0), extremum(500, 1.0), extremum(700, 0.05)],
             vec![extremum(101, 3.0), extremum(700, 0.05)],
             vec![extremum(100, 0.5), extremum(505, 1.0)],
         ];
-        let places = features(&modes, 4, &surroundings, 0.1);
+        let places = features(&modes, 4, &neighborhoods, 0.1);
         assert_eq!(places, [Place { point: point(101), persistence: 2.0, modes: vec![4, 5] }]);
     }
 
@@ -290,14 +320,14 @@ mod tests {
         let (cloud, _) = grid();
         let mut mass = [1.0; 900];
         mass[8 * 30 + 6] = f64::NAN;
-        let surroundings = Surroundings::find(&cloud, &mass, 1.5).unwrap();
+        let neighborhoods = Neighborhoods::find(&cloud, &mass, 1.5).unwrap();
         let mut basis = landscape(&cloud);
         basis[8 * 30 + 6] = f64::NAN;
-        let found = extrema(&basis, &surroundings, 1.0);
+        let found = extrema(&basis, &neighborhoods, 1.0);
         assert!(
             found
                 .iter()
-                .all(|e| surroundings.row(e.point as usize) != 8 * 30 + 6 && e.persistence.is_finite())
+                .all(|e| neighborhoods.row(e.point as usize) != 8 * 30 + 6 && e.persistence.is_finite())
         );
     }
 }

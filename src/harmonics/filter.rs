@@ -6,10 +6,24 @@
 use serde::{Deserialize, Serialize};
 
 use super::Modes;
+use crate::arguments::arguments;
 
 /// What a filter does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "kebab-case")]
 pub enum FilterKind {
     /// Keeps what lies below the cut-off.
@@ -28,33 +42,29 @@ pub enum FilterKind {
 }
 
 impl FilterKind {
-    /// All kinds.
-    pub const ALL: [Self; 6] =
-        [Self::LowPass, Self::HighPass, Self::BandPass, Self::BandStop, Self::Enhance, Self::Heat];
-
     /// As in the interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::LowPass => "low-pass",
-            Self::HighPass => "high-pass",
-            Self::BandPass => "band-pass",
-            Self::BandStop => "band-stop",
-            Self::Enhance => "enhance",
-            Self::Heat => "heat",
-        }
-    }
-
-    /// The kind with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.name() == name)
+        <Self as strum::VariantNames>::VARIANTS[self as usize]
     }
 }
 
 /// In what an edge is given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "lowercase")]
 pub enum Scale {
     /// Number of a mode, from 0.
@@ -67,47 +77,42 @@ pub enum Scale {
 }
 
 impl Scale {
-    /// All scales.
-    pub const ALL: [Self; 3] = [Self::Mode, Self::Frequency, Self::Wavelength];
-
     /// As in the interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Mode => "mode",
-            Self::Frequency => "frequency",
-            Self::Wavelength => "wavelength",
-        }
-    }
-
-    /// The scale with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|scale| scale.name() == name)
+        <Self as strum::VariantNames>::VARIANTS[self as usize]
     }
 }
 
-/// A filter as a caller describes it; what is absent has the kind's default.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Filter {
-    /// What it does.
-    pub kind: FilterKind,
-    /// In what the edges are given.
-    pub by: Scale,
-    /// The one edge of a low-pass, high-pass or heat filter.
-    pub cutoff: Option<f64>,
-    /// Lower edge of a band (the longer wavelength).
-    pub from: Option<f64>,
-    /// Upper edge of a band, itself outside.
-    pub to: Option<f64>,
-    /// Factor on the band of [`FilterKind::Enhance`].
-    pub gain: Option<f64>,
-    /// Time s of [`FilterKind::Heat`], in length².
-    pub time: Option<f64>,
-    /// Width of the transition around every edge, as a share of its frequency: against ringing.
-    pub taper: f64,
-    /// Factor on what lies outside of the span of the bases.
-    pub outside: Option<f64>,
+arguments! {
+    /// A filter as a caller describes it; what is absent has the kind's default.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Filter {
+        /// What the filter does: `low-pass` keeps what lies below the cut-off, `high-pass` what lies above; `band-pass` keeps
+        /// what lies between two edges, `band-stop` removes it, `enhance` multiplies it by a gain; `heat` smooths by
+        /// exp(−sλ).
+        #[name = "filter"]
+        #[alias = "kind"]
+        kind: FilterKind = word(FilterKind), default FilterKind::LowPass;
+        /// In what edges are given: number of a mode, counting from 0; frequency √λ in 1/length; or wavelength 2π/√λ in
+        /// units of the cloud.
+        #[alias = "unit"]
+        by: Scale = word(Scale), default Scale::Mode;
+        /// The edge of low-pass and high-pass: what lies at it is above it. For heat, where the gain has fallen to 1/e.
+        cutoff: Option<f64> = nonnegative, absent "the whole span of the bases";
+        /// Lower edge of a band, itself inside. Of two wavelengths, the longer one.
+        from: Option<f64> = nonnegative, absent "the lowest mode";
+        /// Upper edge of a band, itself outside.
+        to: Option<f64> = nonnegative, absent "no upper edge";
+        /// Factor on the band of `enhance`.
+        gain: Option<f64> = nonnegative, absent "2";
+        /// Time s of `heat`, in squared units of the cloud.
+        time: Option<f64> = nonnegative, absent "from cutoff";
+        /// Width of the transition around every edge, as a share of its frequency, against ringing.
+        taper: f64 = range(0.0, 1.0), default 0.0;
+        /// Factor on what lies outside of the span of the bases: 0 drops it, 1 keeps it.
+        outside: Option<f64> = nonnegative, absent "what the filter does at the highest frequencies";
+    }
 }
 
 /// A filter on given modes.

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::functions::{self, Function};
 use super::transform::{self, Energy, Transformed};
 use super::{Block, Transfer};
+use crate::arguments::arguments;
 use crate::cloud::{CloudError, NonFinite, PointCloud, ScalarType};
 use crate::geometry::normals;
 
@@ -12,6 +13,16 @@ use crate::geometry::normals;
 const EXTENT_RESOLVED: f64 = 1e-6;
 /// Fields that are colors.
 const COLORS: [&str; 4] = ["red", "green", "blue", "alpha"];
+
+arguments! {
+    /// What of a cloud is filtered, as a caller names it.
+    #[derive(Debug, Clone, PartialEq, Eq)]
+    pub struct Named {
+        /// Filter this field of the upload in place of the coordinates; several are separated by commas.
+        #[alias = "fields"]
+        field: Vec<String> = names, absent "the coordinates";
+    }
+}
 
 /// What of a cloud is filtered.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -53,20 +64,20 @@ impl Target {
     ///
     /// # Errors
     /// [`TargetError::Unknown`].
-    pub fn named(cloud: &PointCloud, names: &[&str]) -> Result<Self, TargetError> {
+    pub fn named(cloud: &PointCloud, names: &[impl AsRef<str>]) -> Result<Self, TargetError> {
         if names.is_empty() {
             return Ok(Self::Coordinates);
         }
-        let find = |name: &&str| {
+        let find = |name: &str| {
             let find = |name: &str| cloud.fields().iter().position(|field| field.name == name);
             // The name of a scalar field in a PLY file may be given with its prefix.
             let place = find(name).or_else(|| find(name.strip_prefix("scalar_")?));
             place.ok_or_else(|| TargetError::Unknown {
-                name: (*name).to_owned(),
+                name: name.to_owned(),
                 fields: cloud.fields().iter().map(|field| field.name.clone()).collect(),
             })
         };
-        names.iter().map(find).collect::<Result<_, _>>().map(Self::Fields)
+        names.iter().map(|name| find(name.as_ref())).collect::<Result<_, _>>().map(Self::Fields)
     }
 
     /// The numbers to filter; every duplicate has those of its first occurrence. Rows of a field that are not finite have

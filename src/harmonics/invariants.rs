@@ -63,7 +63,7 @@ const SAMPLES: usize = 24;
 const SHORT: f64 = 4.0;
 const LONG: f64 = 8.0;
 
-/// A fitted area farther than this from the cells' is no error of the eigenvalues: the window lies at times for which
+/// A fitted area farther than this from the cells' is not an error of the eigenvalues: the window lies at times for which
 /// the surface's features are too small, and what is left for χ means nothing.
 const AREA_MISFIT_MAX: f64 = 0.03;
 

@@ -6,6 +6,18 @@
 use serde::Serialize;
 
 use super::Modes;
+use crate::arguments::arguments;
+
+arguments! {
+    /// How two shapes are compared.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Comparison {
+        /// Number of non-zero modes to compare, at most; as many as both jobs have.
+        modes: usize = integer(1, usize::MAX), default 50;
+        /// Tell the same shape in two sizes apart.
+        sized: bool = switch, default false;
+    }
+}
 
 /// Two spectra side by side.
 #[derive(Debug, Clone, PartialEq, Serialize)]

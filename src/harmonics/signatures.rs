@@ -3,10 +3,24 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Block, Modes};
+use crate::arguments::arguments;
 
 /// Which signature.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Default,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "lowercase")]
 pub enum SignatureKind {
     /// Heat kernel signature [Sun, Ovsjanikov, Guibas 2009]: `Σ exp(−λ_i t) H_i(p)²`, in 1/length².
@@ -21,10 +35,23 @@ impl SignatureKind {
     /// As in the interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Hks => "hks",
-            Self::Wks => "wks",
-        }
+        <Self as strum::VariantNames>::VARIANTS[self as usize]
+    }
+}
+
+arguments! {
+    /// Which signature, at how many scales.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct SignatureRequest {
+        /// Heat kernel signature, `Σ exp(−λt) H²`, or wave kernel signature, `Σ w H²` with log-normal weights around an
+        /// energy.
+        kind: SignatureKind = word(SignatureKind), default SignatureKind::Hks;
+        /// Number of scales, spread evenly in the logarithm over what the bases resolve.
+        #[alias = "scales"]
+        count: usize = integer(1, 256), default 16;
+        /// Divide every scale of the heat kernel signature by its integral over the surface. The wave kernel signature
+        /// always is.
+        scaled: bool = switch, default false;
     }
 }
 
@@ -44,6 +71,13 @@ const DECAY: f64 = 4.0 * std::f64::consts::LN_10;
 const WAVE_WIDTH: f64 = 7.0;
 
 impl Signature {
+    /// What is asked for. `None` as for [`Self::new`].
+    #[must_use]
+    pub fn of(request: SignatureRequest, modes: &Modes) -> Option<Self> {
+        let signature = Self::new(request.kind, request.count, modes)?;
+        Some(if request.scaled { signature.scaled() } else { signature })
+    }
+
     /// `count` scales, spread evenly in the logarithm over what the modes resolve. `None` when no mode is neither zero
     /// nor without information.
     #[must_use]

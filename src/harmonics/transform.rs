@@ -6,6 +6,7 @@
 use serde::Serialize;
 
 use super::Block;
+use crate::arguments::arguments;
 
 /// Rows of a block that are handled together: their sums stay in the nearest cache while the bases pass by.
 const STRIP: usize = 1024;
@@ -120,6 +121,15 @@ pub fn synthesize<C: AsRef<[f64]>>(block: &Block<C>, coefficients: &[&[f64]]) ->
         }
     }
     columns
+}
+
+arguments! {
+    /// Into what energies are divided.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Bands {
+        /// Number of bands of consecutive modes into which energies are summed.
+        bands: usize = integer(1, 1000), default 10;
+    }
 }
 
 /// How a function's energy `fᵀBf` is spread.

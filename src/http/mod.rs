@@ -1,6 +1,7 @@
 //! The HTTP interface: one file per resource. The route table below is the index of the service.
 
 mod examples;
+mod generators;
 mod notation;
 mod openapi;
 mod paging;
@@ -20,6 +21,7 @@ use utoipa::openapi::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
+pub use openapi::yaml;
 pub use service::{Limits, Pools, Service};
 pub use wire::guard::{Hosts, NoPlace};
 pub use wire::keys::{Keys, KeysError};
@@ -27,9 +29,9 @@ pub use wire::problem::{Problem, ProblemDocument};
 
 use openapi::Description;
 use resources::{
-    bases, capabilities, clouds, coefficients, distances, docs, events, features, files, filtered, health,
-    image, index, jobs, laplacian, metrics, operator, page, points, problems, signatures, similarity,
-    spectrum, submission,
+    bases, capabilities, clouds, coefficients, distances, docs, events, features, files, filtered,
+    further_job, health, image, index, jobs, laplacian, metrics, operator, page, points, problems,
+    signatures, similarity, spectrum, submission,
 };
 use service::Shared;
 use wire::paths::Paths;
@@ -41,7 +43,8 @@ fn routes() -> OpenApiRouter<Shared> {
     OpenApiRouter::with_openapi(openapi::base())
         .routes(routes!(index::index))
         .routes(routes!(capabilities::capabilities))
-        .routes(routes!(docs::openapi))
+        .routes(routes!(docs::openapi_yaml))
+        .routes(routes!(docs::openapi_json))
         .routes(routes!(docs::docs))
         .routes(routes!(problems::problem_kind))
         .routes(routes!(health::livez))
@@ -50,7 +53,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(clouds::list, submission::post_cloud, submission::put_cloud))
         .routes(routes!(clouds::show, clouds::delete, submission::put_cloud_named))
         .routes(routes!(points::points))
-        .routes(routes!(submission::post_job))
+        .routes(routes!(further_job::post_job))
         .routes(routes!(jobs::list))
         .routes(routes!(jobs::show, jobs::delete))
         .routes(routes!(jobs::cancel))
@@ -67,13 +70,13 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(signatures::signatures))
         .routes(routes!(distances::distances))
         .routes(routes!(similarity::similarity))
-        .routes(routes!(files::file))
+        .merge(files::router())
 }
 
 /// The OpenAPI document of all routes.
 #[must_use]
 pub fn document() -> OpenApi {
-    examples::illustrate(routes().into_openapi())
+    examples::illustrate(generators::complete(routes().into_openapi(), &files::named()))
 }
 
 /// Made once, when it is first asked for: it takes milliseconds.

@@ -5,7 +5,7 @@ use uuid::Uuid;
 use super::wire::problem::{Kind, Problem};
 use crate::store::Milliseconds;
 
-/// An id of a path; what is no UUID names nothing.
+/// An id of a path; what is not a UUID names nothing.
 pub(crate) fn parse_id(text: &str) -> Result<Uuid, Problem> {
     text.parse().map_err(|_| {
         let shown: String = text.chars().take(80).collect();

@@ -5,7 +5,10 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
     ComponentsBuilder, InfoBuilder, LicenseBuilder, OpenApi, OpenApiBuilder, SecurityRequirement,
+    ServerBuilder,
 };
+
+use super::generators;
 
 /// What the routes are added to.
 pub(super) fn base() -> OpenApi {
@@ -25,6 +28,7 @@ pub(super) fn base() -> OpenApi {
         )
         .components(Some(ComponentsBuilder::new().security_scheme("key", key).build()))
         .security(Some([SecurityRequirement::default(), SecurityRequirement::new("key", Vec::<String>::new())]))
+        .servers(Some([ServerBuilder::new().url("/").description(Some("The service that this document comes from.")).build()]))
         .tags(Some([
             tag("clouds", "Point clouds."),
             tag("jobs", "Analyses of clouds."),
@@ -47,8 +51,16 @@ pub(crate) struct Description {
 impl Description {
     pub(super) fn of(document: &OpenApi) -> Self {
         Self {
-            yaml: document.to_yaml().map_err(|error| error.to_string()),
+            yaml: yaml(document).map_err(|error| error.to_string()),
             json: serde_json::to_value(document).map_err(|error| error.to_string()),
         }
     }
+}
+
+/// The document as YAML.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn yaml(document: &OpenApi) -> Result<String, impl std::fmt::Display> {
+    document.to_yaml().map(|yaml| generators::for_either_version(&yaml))
 }

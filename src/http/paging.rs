@@ -1,26 +1,19 @@
 //! Listings in pages.
 
-use super::wire::query::{Accepts, Argument};
+use uuid::Uuid;
+
+use crate::arguments::arguments;
 
 /// Longest page of a listing.
-pub(crate) const PAGE_MAX: u64 = 200;
-/// Page of a listing when nothing is said.
-pub(crate) const PAGE_DEFAULT: u64 = 50;
+pub(crate) const PAGE_MAX: usize = 200;
 
-/// The arguments that every listing has.
-pub(crate) const PAGING: &[Argument] = &[
-    Argument {
-        name: "cursor",
-        alias: None,
-        accepts: Accepts::Id,
-        default: "the newest",
-        meaning: "The `next` of the page before.",
-    },
-    Argument {
-        name: "limit",
-        alias: None,
-        accepts: Accepts::Integer(1, PAGE_MAX),
-        default: "50",
-        meaning: "Entries of the page, at most.",
-    },
-];
+arguments! {
+    /// The arguments that every listing has.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) struct Paging {
+        /// The `next` of the page before.
+        cursor: Option<Uuid> = id(Uuid), absent "the newest";
+        /// Entries of the page, at most.
+        limit: usize = integer(1, PAGE_MAX), default 50;
+    }
+}

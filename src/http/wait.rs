@@ -8,20 +8,27 @@ use uuid::Uuid;
 use super::notation::parse_id;
 use super::service::Service;
 use super::wire::problem::{Kind, Problem};
-use super::wire::query::{Accepts, Argument, Arguments};
 use super::wire::retry;
+use crate::arguments::arguments;
 use crate::store::{JobRecord, JobState};
 
 /// Longest `?wait=`, in seconds.
 pub(crate) const WAIT_SECONDS_MAX: u64 = 60;
-/// Waiting, which every result offers.
-pub(crate) const WAIT: &[Argument] = &[Argument {
-    name: "wait",
-    alias: None,
-    accepts: Accepts::Integer(0, WAIT_SECONDS_MAX),
-    default: "0",
-    meaning: "Seconds to wait for the job's end before answering.",
-}];
+arguments! {
+    /// Waiting for the end of a job.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) struct Wait {
+        /// Seconds to wait for the job's end before answering.
+        wait: usize = integer(0, WAIT_SECONDS_MAX as usize), default 0;
+    }
+}
+
+impl Wait {
+    /// How long to wait.
+    pub(crate) fn time(self) -> Duration {
+        Duration::from_secs(self.wait as u64)
+    }
+}
 
 /// The job once it has ended, or as it is after `wait`, or when the service stops.
 pub(crate) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Result<JobRecord, Problem> {
@@ -39,11 +46,6 @@ pub(crate) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Resu
     }
     let job = job.borrow();
     Ok(JobRecord::clone(&job))
-}
-
-/// How long to wait for a job's end, by the argument of [`WAIT`].
-pub(crate) fn wait(arguments: &Arguments) -> Duration {
-    Duration::from_secs(arguments.integer("wait").unwrap_or(0))
 }
 
 /// A job once it has succeeded, waited for at most `wait`.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::compute::ComputeError;
 use crate::analysis::AnalysisError;
 use crate::progress::Canceled;
-use crate::store::{Heartbeat, JobFailure, StoreError};
+use crate::store::{JobFailure, Order, StoreError};
 
 /// Why an attempt did not end with a result.
 #[derive(Debug, thiserror::Error)]
@@ -17,9 +17,9 @@ pub(super) enum AttemptError {
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error("no thread to beat for the job: {0}")]
-    Pulse(#[from] std::io::Error),
+    Heartbeat(#[from] std::io::Error),
     #[error("ordered to end: {0:?}")]
-    Ordered(Heartbeat),
+    Ordered(Order),
     #[error("it took longer than {} seconds", .0.as_secs())]
     OutOfTime(Duration),
     #[error("it turned out to need {need} bytes of memory")]
@@ -65,7 +65,7 @@ pub(super) fn failure(error: &AttemptError) -> (JobFailure, Retry) {
             (told("internal", "the stored cloud or the result is damaged".to_owned()), Retry::Never)
         }
         AttemptError::Store(_)
-        | AttemptError::Pulse(_)
+        | AttemptError::Heartbeat(_)
         | AttemptError::Ordered(_)
         | AttemptError::Memory { .. }
         | AttemptError::Halted => {

@@ -7,9 +7,9 @@
 mod analyses;
 mod attempt_error;
 mod compute;
+mod heartbeat;
 mod memory_gate;
 mod own_coefficients;
-mod pulse;
 mod retention;
 mod shrinking;
 mod stored_bases;
@@ -46,7 +46,7 @@ pub struct JobsSettings {
     /// How often a running job's phase and progress are written and its lease renewed.
     pub heartbeat: Duration,
     /// How often a running job looks whether somebody asked to cancel it.
-    pub pulse: Duration,
+    pub order_poll: Duration,
     /// How often an idle worker looks at the queue without being woken: for leases that ran out.
     pub poll: Duration,
     /// How long a job whose result could not be stored waits for its second attempt, and twice as long for its third: the
@@ -68,7 +68,7 @@ impl Default for JobsSettings {
             concurrent: NonZeroUsize::MIN,
             memory: u64::MAX,
             heartbeat: Duration::from_secs(1),
-            pulse: Duration::from_millis(200),
+            order_poll: Duration::from_millis(200),
             poll: Duration::from_secs(1),
             backoff: Duration::from_mins(1),
             time_max: Duration::from_hours(6),

@@ -1,5 +1,6 @@
 //! One attempt at a job, seen from outside: how far it is, and where its time went.
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -7,9 +8,8 @@ use super::memory_gate::Reservation;
 use crate::progress::{Phase, Progress};
 use crate::store::Vitals;
 
-/// Share of what is left of a phase that the progress moves on by where the computation has reported nothing since it was
-/// last told, as during a factorization.
-const CREEP: f64 = 0.02;
+/// Phases that report nothing while they run: their progress is told from the time that they are expected to take.
+const SILENT: [Phase; 2] = [Phase::Factorization, Phase::Certificates];
 
 /// Shared by the computation, which moves it on, and the thread that beats for it.
 #[derive(Clone)]
@@ -34,13 +34,20 @@ impl Task {
         Self { progress: Arc::new(progress), timeline, reservation }
     }
 
-    /// How far it is: more at every call, and never beyond the phase that it is in.
+    /// How far it is: never less than before, and never beyond the phase that it is in.
     pub(super) fn vitals(&self) -> Vitals {
+        self.vitals_at(Instant::now())
+    }
+
+    fn vitals_at(&self, now: Instant) -> Vitals {
         let mut timeline = self.timeline.lock().unwrap_or_else(PoisonError::into_inner);
         let phase = self.progress.phase();
-        let crept = timeline.told + CREEP * (phase.ends_at() - timeline.told).max(0.0);
-        timeline.told = if timeline.told > 0.0 { crept } else { 0.0 }.max(self.progress.fraction());
-        let phase_seconds = timeline.seconds(Instant::now());
+        let mut reached = self.progress.fraction();
+        if SILENT.contains(&phase) {
+            reached = reached.max(timeline.expected_at(now, &self.progress.span(phase)));
+        }
+        timeline.told = timeline.told.max(reached);
+        let phase_seconds = timeline.seconds(now);
         let memory = self.reservation.upgrade().map_or(0, |reservation| reservation.bytes());
         Vitals { phase, progress: timeline.told, phase_seconds, memory }
     }
@@ -72,6 +79,20 @@ impl Timeline {
             *spent += now - self.entered;
         }
         self.entered = now;
+    }
+
+    /// The share of the whole at which a phase should be that lies between `span`, judged by the time that everything
+    /// before it took. It nears the phase's end and does not reach it.
+    fn expected_at(&self, now: Instant, span: &Range<f64>) -> f64 {
+        let before: Duration = self.spent.iter().rev().skip(1).map(|(_, spent)| *spent).sum();
+        let width = span.end - span.start;
+        let expected = before.as_secs_f64() * width / span.start.max(f64::MIN_POSITIVE);
+        let inside = (now - self.entered).as_secs_f64();
+        if inside <= 0.0 || before.is_zero() {
+            span.start
+        } else {
+            span.start + width * (1.0 - (-inside / expected).exp())
+        }
     }
 
     /// In the order of the phases.
@@ -114,20 +135,28 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_computation_is_told_to_move_within_its_phase() {
+    fn a_silent_phase_moves_by_the_clock_and_one_that_reports_does_not() {
         let task = Task::begin(&Arc::default());
+        task.progress.expect([1.0, 1.0, 1.0, 1.0, 1.0, 4.0, 1.0]);
+        let start = Instant::now();
+        let at = |seconds| start + Duration::from_secs(seconds);
+        task.progress.enter(Phase::Preparation).unwrap();
         task.progress.enter(Phase::Factorization).unwrap();
-        let mut before = task.vitals().progress;
-        for _ in 0..100 {
-            let now = task.vitals().progress;
-            assert!(now > before && now < Phase::Factorization.ends_at());
-            before = now;
+        {
+            let mut timeline = task.timeline.lock().unwrap();
+            timeline.spent[0].1 = Duration::from_secs(40);
+            timeline.entered = start;
         }
+        // four tenths took 40 s: the next tenth should take 10
+        let progress = |seconds| task.vitals_at(at(seconds)).progress;
+        assert!((progress(0) - 0.4).abs() < 1e-9);
+        assert!((progress(10) - (0.4 + 0.1 * (1.0 - (-1.0f64).exp()))).abs() < 1e-9);
+        assert!(progress(1000) <= 0.5 && progress(1000) > 0.499);
+
         task.progress.enter(Phase::Eigenpairs).unwrap();
-        let next = task.vitals().progress;
-        assert!(next >= Phase::Factorization.ends_at());
         task.progress.advance(0.5).unwrap();
-        assert!((task.vitals().progress - task.progress.fraction()).abs() < f64::EPSILON);
+        assert!((progress(2000) - 0.7).abs() < 1e-9);
+        assert!((progress(9000) - 0.7).abs() < 1e-9);
     }
 
     #[test]

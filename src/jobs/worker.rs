@@ -11,11 +11,11 @@ use super::JobsSettings;
 use super::analyses::{Analyze, Results};
 use super::attempt_error::{AttemptError, Retry, failure};
 use super::compute::Compute;
+use super::heartbeat::Heartbeat;
 use super::memory_gate::{MemoryGate, Reservation};
-use super::pulse::Pulse;
 use super::storing::store_arrays;
 use super::task::Task;
-use crate::store::{Claim, Heartbeat, JobState, Milliseconds, Store, StoreError};
+use crate::store::{Claim, JobRecord, JobState, Milliseconds, Order, Store, StoreError};
 
 pub(super) struct Worker {
     pub(super) store: Store,
@@ -72,23 +72,25 @@ impl Worker {
         let job = claim.job.id;
         let parameters = &claim.job.parameters;
         let (operator, bases) = (parameters.operator.name(), parameters.bases);
-        tracing::info!(%job, operator, bases, attempt = claim.job.attempt, points = claim.job.points, "job begins");
+        let owner = claim.job.owner.name();
+        tracing::info!(%job, owner, operator, bases, attempt = claim.job.attempt, points = claim.job.points, "job begins");
         if let (1, Some(started)) = (claim.job.attempt, claim.job.started) {
             self.settings.metrics.claimed((started - claim.job.created) as f64 / 1e3);
         }
         let mut attempt = pin!(self.attempt(claim, &task));
-        let mut pulse = match Pulse::start(self.store.clone(), claim.clone(), task.clone(), &self.settings) {
-            Ok(pulse) => pulse,
-            Err(error) => return self.settle(claim, error.into()).await,
-        };
+        let mut heartbeat =
+            match Heartbeat::start(self.store.clone(), claim.clone(), task.clone(), &self.settings) {
+                Ok(heartbeat) => heartbeat,
+                Err(error) => return self.settle(claim, error.into()).await,
+            };
         let error = tokio::select! {
             // An order first: the attempt may have ended because of it, and then says only that it was canceled.
             biased;
-            order = pulse.order() => AttemptError::Ordered(order),
+            order = heartbeat.order() => AttemptError::Ordered(order),
             () = self.halt.cancelled() => AttemptError::Halted,
             () = tokio::time::sleep(self.settings.time_max) => AttemptError::OutOfTime(self.settings.time_max),
             ended = &mut attempt => match ended {
-                Ok(state) => return self.record(job, state, &task),
+                Ok(state) => return self.record(&claim.job, state, &task),
                 Err(error) => return self.settle(claim, error).await,
             },
         };
@@ -102,9 +104,9 @@ impl Worker {
         }
     }
 
-    fn record(&self, job: Uuid, state: JobState, task: &Task) {
+    fn record(&self, job: &JobRecord, state: JobState, task: &Task) {
         let seconds: f64 = task.vitals().phase_seconds.iter().map(|(_, seconds)| seconds).sum();
-        tracing::info!(%job, state = state.name(), seconds, "job ends");
+        tracing::info!(job = %job.id, owner = job.owner.name(), state = state.name(), seconds, "job ends");
         self.settings.metrics.ended(state.name());
         if state == JobState::Succeeded {
             for (phase, seconds) in task.vitals().phase_seconds {
@@ -146,11 +148,11 @@ impl Worker {
         let job = claim.job.id;
         let settled = match &cause {
             // Not ours any more: whoever took it decides.
-            AttemptError::Ordered(Heartbeat::Lost) | AttemptError::Store(StoreError::LostClaim) => {
+            AttemptError::Ordered(Order::Lost) | AttemptError::Store(StoreError::LostClaim) => {
                 tracing::warn!(%job, "the claim was lost");
                 return;
             }
-            AttemptError::Ordered(Heartbeat::Cancel) => {
+            AttemptError::Ordered(Order::Cancel) => {
                 self.store.cancel_claimed(claim).await.map(|()| JobState::Canceled)
             }
             AttemptError::Halted => self.store.release(claim).await,
@@ -162,7 +164,7 @@ impl Worker {
         };
         match settled {
             Ok(state) => {
-                tracing::warn!(%job, state = state.name(), %cause, "job ends without a result");
+                tracing::warn!(%job, owner = claim.job.owner.name(), state = state.name(), %cause, "job ends without a result");
                 self.settings.metrics.ended(state.name());
             }
             // It had just ended by itself.

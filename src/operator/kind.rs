@@ -3,8 +3,22 @@
 use serde::{Deserialize, Serialize};
 
 /// The operators that can be asked for by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "kebab-case")]
 pub enum OperatorKind {
     /// Symmetrizable Voronoi-weighted heat-kernel operator [PBMHB §3.3–3.4].
@@ -49,18 +63,7 @@ impl OperatorKind {
     /// Name in the interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::PbMhb => "pb-mhb",
-            Self::Voronoi => "voronoi",
-            Self::Pcd => "pcd",
-            Self::PcdSymmetrized => "pcd-symmetrized",
-            Self::Mesh => "mesh",
-            Self::Cotangent => "cotangent",
-            Self::WeightedGraph => "weighted-graph",
-            Self::Graph => "graph",
-            Self::Kirchhoff => "kirchhoff",
-            Self::Tutte => "tutte",
-        }
+        <Self as strum::VariantNames>::VARIANTS[self as usize]
     }
 
     /// Whether the cloud must come with triangles.
@@ -96,8 +99,21 @@ impl OperatorKind {
 }
 
 /// Which distance the Gaussian of `pcd` takes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "kebab-case")]
 pub enum Distance {
     /// Between the points in space [PCD eq. 2.1].
@@ -107,8 +123,22 @@ pub enum Distance {
 }
 
 /// How `pcd` chooses t, δ and its simplices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    Default,
+    Serialize,
+    Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "kebab-case")]
 pub enum Parameterization {
     /// t and δ from the covering radius ε, simplices within δ/2 [PCD §2.2].

@@ -112,7 +112,7 @@ impl Picture {
     }
 }
 
-/// A disc for every row with a place that is no corner of a triangle.
+/// A disc for every row with a place that is not a corner of a triangle.
 fn splats(
     cloud: &PointCloud,
     camera: &Camera,

@@ -19,7 +19,7 @@ pub struct Spectrum<'a> {
     pub eigenvalues: &'a [Option<f64>],
     /// Index ranges `[first, last]` of eigenvalues that are one within their residuals.
     pub clusters: &'a [[usize; 2]],
-    /// Area of the surface in length², for Weyl's law; `None` for what is no surface.
+    /// Area of the surface in length², for Weyl's law; `None` for what is not a surface.
     pub area: Option<f64>,
     /// Heading.
     pub title: &'a str,

@@ -1,5 +1,6 @@
 //! From where a cloud is looked at, and where its points fall in the picture.
 
+use crate::arguments::arguments;
 use crate::cloud::PointCloud;
 
 /// Share of the picture that is left free around the cloud.
@@ -9,7 +10,10 @@ const RADIUS_LEAST: f64 = 0.8;
 const RADIUS_MOST: f64 = 0.05;
 
 /// The axis that points up in the picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, strum::EnumString, strum::IntoStaticStr, strum::VariantNames,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Up {
     /// x.
     X,
@@ -21,7 +25,10 @@ pub enum Up {
 }
 
 /// What is behind the points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, strum::EnumString, strum::IntoStaticStr, strum::VariantNames,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Background {
     /// White.
     #[default]
@@ -32,52 +39,28 @@ pub enum Background {
     Transparent,
 }
 
-/// A view of a cloud, and the size of its picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
-    /// Degrees about the axis that points up, from the next axis in the order x, y, z, x on (as in Matplotlib).
-    pub azimuth: f64,
-    /// Degrees above the plane of the other two axes.
-    pub elevation: f64,
-    /// What points up.
-    pub up: Up,
-    /// Pixels of a row, at least 1.
-    pub width: usize,
-    /// Rows, at least 1.
-    pub height: usize,
-    /// What is behind the points.
-    pub background: Background,
-    /// Whether the color bar is asked for; [`super::Picture::add_legend`] draws it.
-    pub legend: bool,
-}
+/// Most pixels along either side of a picture.
+const SIDE_MAX: usize = 16_384;
 
-impl Default for View {
-    fn default() -> Self {
-        let (up, background) = (Up::default(), Background::default());
-        Self { azimuth: -60.0, elevation: 20.0, up, width: 800, height: 600, background, legend: false }
-    }
-}
-
-impl Up {
-    /// All, in the order of their names.
-    pub const NAMES: [&str; 3] = ["x", "y", "z"];
-
-    /// The axis with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        [Self::X, Self::Y, Self::Z].into_iter().zip(Self::NAMES).find_map(|(up, n)| (n == name).then_some(up))
-    }
-}
-
-impl Background {
-    /// All, in the order of the variants.
-    pub const NAMES: [&str; 3] = ["white", "black", "transparent"];
-
-    /// The background with this name.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        let all = [Self::White, Self::Black, Self::Transparent];
-        all.into_iter().zip(Self::NAMES).find_map(|(background, n)| (n == name).then_some(background))
+arguments! {
+    /// A view of a cloud, and the size of its picture.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct View {
+        /// Of pictures (png): degrees about the axis that points up, from the next axis in the order x, y, z, x on (as in
+        /// Matplotlib).
+        azimuth: f64 = range(-360.0, 360.0), default -60.0;
+        /// Of pictures: degrees above the plane of the other two axes.
+        elevation: f64 = range(-90.0, 90.0), default 20.0;
+        /// Of pictures: the axis that points up.
+        up: Up = word(Up), default Up::Z;
+        /// Of pictures: pixels of a row.
+        width: usize = integer(1, SIDE_MAX), default 800;
+        /// Of pictures: rows of pixels.
+        height: usize = integer(1, SIDE_MAX), default 600;
+        /// Of pictures: what is behind the points.
+        background: Background = word(Background), default Background::White;
+        /// Of pictures that are colored by numbers: adds the color bar with values, what is shown and its unit.
+        legend: bool = switch, default false;
     }
 }
 
@@ -223,11 +206,5 @@ mod tests {
         assert!(camera.project(cloud.point(0)).unwrap().iter().all(|x| x.is_finite()));
         assert_eq!(camera.project(cloud.point(1)), None);
         assert!(camera.radius_in_pixels(None) > 0.0);
-    }
-
-    #[test]
-    fn every_name_is_found() {
-        assert!(Up::NAMES.iter().all(|name| Up::from_name(name).is_some()) && Up::from_name("w").is_none());
-        assert!(Background::NAMES.iter().all(|name| Background::from_name(name).is_some()));
     }
 }

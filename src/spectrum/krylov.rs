@@ -93,7 +93,7 @@ pub(super) fn expand<V: Scalar>(
     krylov.last = first..end;
     krylov.processed = end;
     krylov.rest = taken.rest;
-    // what rounding leaves of an exhausted space is no direction
+    // what rounding leaves of an exhausted space is not a direction
     let scale = (0..end).map(|k| krylov.projected[(k, k)].abs()).fold(0.0, f64::max);
     if krylov.rest.norm_max() < 100.0 * V::ROUNDING * scale || end == complement.dimension() {
         krylov.rest = Mat::zeros(0, 0);

@@ -38,7 +38,7 @@ pub(super) struct Probe {
 
 impl Probe {
     /// Steps from hashed vectors until the smallest value settles. What a probe does not find may be there all the same:
-    /// unlike a count by inertia it is no proof.
+    /// unlike a count by inertia it is not a proof.
     ///
     /// # Errors
     /// [`SpectrumError::Dense`], [`SpectrumError::Canceled`].

@@ -97,5 +97,5 @@ fn request(row: &SqliteRow) -> Result<[u8; 32], StoreError> {
     let bytes: Vec<u8> = row.try_get("request")?;
     bytes
         .try_into()
-        .map_err(|_| StoreError::Damaged("the request of an idempotency key is no digest".to_owned()))
+        .map_err(|_| StoreError::Damaged("the request of an idempotency key is not a digest".to_owned()))
 }

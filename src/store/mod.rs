@@ -43,7 +43,7 @@ pub use idempotency::{REMEMBERED, Remembered};
 pub use lock::DatabaseLock;
 pub use owner::Owner;
 pub use records::{
-    Claim, CloudRecord, FieldRecord, Heartbeat, JobFailure, JobRecord, JobState, Page, Submitted, Vitals,
+    Claim, CloudRecord, FieldRecord, JobFailure, JobRecord, JobState, Order, Page, Submitted, Vitals,
 };
 pub use results::{ArrayName, BasisValues, Numbers};
 pub use settings::{Clock, StoreSettings};

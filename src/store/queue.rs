@@ -10,7 +10,7 @@ use uuid::Uuid;
 use super::arrays::text_checksum;
 use super::results::clear_result;
 use super::rows::{integer, to_json, word};
-use super::{Claim, Heartbeat, JobFailure, JobState, Milliseconds, Store, StoreError, Vitals, detached};
+use super::{Claim, JobFailure, JobState, Milliseconds, Order, Store, StoreError, Vitals, detached};
 use crate::analysis::Report;
 
 impl Store {
@@ -72,7 +72,7 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Database`].
-    pub async fn heartbeat(&self, claim: &Claim, vitals: &Vitals) -> Result<Heartbeat, StoreError> {
+    pub async fn heartbeat(&self, claim: &Claim, vitals: &Vitals) -> Result<Order, StoreError> {
         let mut transaction = self.write().await?;
         let cancel: Option<bool> = sqlx::query_scalar(
             "UPDATE jobs SET phase = ?3, progress = max(progress, ?4), phase_seconds = ?5, lease_until = ?6, \
@@ -97,7 +97,7 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::Database`].
-    pub async fn pulse(&self, claim: &Claim) -> Result<Heartbeat, StoreError> {
+    pub async fn order(&self, claim: &Claim) -> Result<Order, StoreError> {
         let cancel = sqlx::query_scalar(
             "SELECT cancel_requested FROM jobs WHERE id = ?1 AND lease = ?2 AND state = 'running'",
         )
@@ -125,7 +125,7 @@ impl Store {
         let bases = report.spectrum.as_ref().map(|spectrum| spectrum.eigenvalues.len());
         detached(async move {
             let mut transaction = store.write().await?;
-            if store.check_claim(&mut transaction, &claim).await? == Heartbeat::Cancel {
+            if store.check_claim(&mut transaction, &claim).await? == Order::Cancel {
                 transaction.commit().await?;
                 store.cancel_claimed(&claim).await?;
                 return Ok(JobState::Canceled);
@@ -215,7 +215,7 @@ impl Store {
         let (store, claim) = (self.clone(), claim.clone());
         detached(async move {
             let mut transaction = store.write().await?;
-            let cancel = store.check_claim(&mut transaction, &claim).await? == Heartbeat::Cancel;
+            let cancel = store.check_claim(&mut transaction, &claim).await? == Order::Cancel;
             let (memory, now) = (claim.job.memory, store.now());
             let (state, failure, attempts_back, not_before, memory) = match ending {
                 Ending::Failed(failure) => (JobState::Failed, Some(to_json(&failure)?), 0, 0, memory),
@@ -251,7 +251,7 @@ impl Store {
         &self,
         connection: &mut SqliteConnection,
         claim: &Claim,
-    ) -> Result<Heartbeat, StoreError> {
+    ) -> Result<Order, StoreError> {
         let cancel = sqlx::query_scalar(
             "SELECT cancel_requested FROM jobs WHERE id = ?1 AND lease = ?2 AND state = 'running'",
         )
@@ -260,7 +260,7 @@ impl Store {
         .fetch_optional(connection)
         .await?;
         match learned(cancel) {
-            Heartbeat::Lost => Err(StoreError::LostClaim),
+            Order::Lost => Err(StoreError::LostClaim),
             learned => Ok(learned),
         }
     }
@@ -311,11 +311,11 @@ enum Ending {
     Requeued { attempts_back: i64, delay: Milliseconds, memory: u64 },
 }
 
-fn learned(cancel_requested: Option<bool>) -> Heartbeat {
+fn learned(cancel_requested: Option<bool>) -> Order {
     match cancel_requested {
-        Some(false) => Heartbeat::Continue,
-        Some(true) => Heartbeat::Cancel,
-        None => Heartbeat::Lost,
+        Some(false) => Order::Continue,
+        Some(true) => Order::Cancel,
+        None => Order::Lost,
     }
 }
 

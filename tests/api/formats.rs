@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::service::{Service, detail, file, problem, sphere};
 
-/// A scale that is no power of ten, offsets that are no multiples of it.
+/// A scale that is not a power of ten, offsets that are no multiples of it.
 const SCALES: [f64; 3] = [0.001, 0.000_25, 0.01];
 const OFFSETS: [f64; 3] = [1_000_000.0, 5_200_000.123, -77.7];
 

@@ -11,6 +11,10 @@ fn document() -> Value {
     serde_json::to_value(chladni::http::document()).unwrap()
 }
 
+fn yaml() -> String {
+    chladni::http::yaml(&chladni::http::document()).unwrap_or_else(|error| panic!("{error}"))
+}
+
 /// Every operation with its method and path.
 fn operations(document: &Value) -> Vec<(String, Value)> {
     let methods = ["get", "put", "post", "delete", "patch", "head"];
@@ -25,7 +29,7 @@ fn operations(document: &Value) -> Vec<(String, Value)> {
 #[test]
 fn the_file_is_what_the_code_generates() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("openapi.yaml");
-    let generated = chladni::http::document().to_yaml().unwrap();
+    let generated = yaml();
     if std::env::var_os("UPDATE_OPENAPI").is_some() {
         std::fs::write(&file, &generated).unwrap();
     }
@@ -41,7 +45,12 @@ async fn the_service_hands_its_document_out() {
     let service = Service::start().await;
     let response = service.get("/openapi.yaml").await;
     assert_eq!(response.headers()["content-type"], "application/yaml");
-    assert_eq!(response.text().await.unwrap(), chladni::http::document().to_yaml().unwrap());
+    assert_eq!(response.text().await.unwrap(), yaml());
+    let response = service.get("/openapi.json").await;
+    assert_eq!(response.headers()["content-type"], "application/json");
+    assert_eq!(response.json::<Value>().await.unwrap(), document());
+    let links = service.get("/").await.headers()["link"].to_str().unwrap().to_owned();
+    assert!(links.contains("</openapi.json>; rel=\"service-desc\""), "{links}");
 }
 
 #[test]
@@ -287,4 +296,79 @@ async fn every_link_of_the_page_leads_somewhere_every_call_has_a_command_and_no_
     }
     assert_eq!(html.matches("<pre class=\"run\">curl").count(), html.matches("<summary><b>").count());
     assert!(html.matches("<pre>{").count() > 10, "answers have examples");
+}
+
+/// Bytes are strings of format `binary`, a file under its name has one media type, and a form has its file.
+#[test]
+fn generators_of_clients_understand_bodies() {
+    let document = document();
+    let mut files = 0;
+    for (name, operation) in operations(&document) {
+        let whole = operation["responses"]["200"]["content"].as_object();
+        let bodies = [whole, operation["requestBody"]["content"].as_object()];
+        for (media_type, content) in bodies.into_iter().flatten().flatten() {
+            let is_array_of_bytes = content["schema"]["items"]["format"] == "int32";
+            assert!(!is_array_of_bytes, "{name}: {media_type}");
+            if media_type == "multipart/form-data" {
+                assert_eq!(content["schema"]["$ref"], "#/components/schemas/CloudForm", "{name}");
+            } else if !["text", "json", "yaml"].iter().any(|text| media_type.contains(text)) {
+                assert_eq!(content["schema"]["format"], "binary", "{name}: {media_type}");
+            }
+        }
+        if name.rsplit('/').next().unwrap().contains('.') && name.contains("/jobs/{id}/") {
+            files += 1;
+            assert_eq!(whole.unwrap().len(), 1, "{name}: {whole:?}");
+        }
+    }
+    assert!(files >= 30, "{files} files");
+    let form = &document["components"]["schemas"]["CloudForm"];
+    assert_eq!(form["properties"]["file"]["format"], "binary");
+    assert_eq!(form["required"][0], "file");
+}
+
+/// What version 0.1.0 offered is offered still, and nothing that it did without is required.
+#[test]
+fn nothing_of_the_last_tagged_document_has_vanished() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/api/openapi-0.1.0.json");
+    let tagged: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+    let document = document();
+    let now: std::collections::BTreeMap<String, Value> = operations(&document).into_iter().collect();
+    let text = |value: &Value| value.as_str().unwrap().to_owned();
+    for (name, before) in tagged["operations"].as_object().unwrap() {
+        // Files under their names have operations of their own now.
+        if name == "get /jobs/{id}/{file}" {
+            continue;
+        }
+        let operation = now.get(name).unwrap_or_else(|| panic!("{name} has vanished"));
+        assert_eq!(operation["operationId"], before["operationId"], "{name}");
+        let parameters: Vec<_> = operation["parameters"].as_array().into_iter().flatten().collect();
+        let known: BTreeSet<_> = parameters.iter().map(|parameter| text(&parameter["name"])).collect();
+        let required = parameters.iter().filter(|parameter| parameter["required"] == true);
+        for parameter in before["parameters"].as_array().unwrap() {
+            assert!(known.contains(&text(parameter)), "{name} has lost {parameter}");
+        }
+        for parameter in required {
+            let was = before["required"].as_array().unwrap().contains(&parameter["name"]);
+            assert!(was, "{name} requires {}", parameter["name"]);
+        }
+        for media_type in before["answers"].as_array().unwrap() {
+            let answers = operation["responses"]["200"]["content"].as_object().unwrap();
+            assert!(answers.contains_key(&text(media_type)), "{name} has lost {media_type}");
+        }
+    }
+    for (name, fields) in tagged["fields"].as_object().unwrap() {
+        let schema = &document["components"]["schemas"][name];
+        let mut now = BTreeSet::new();
+        collect_fields(schema, &mut now);
+        for field in fields.as_array().unwrap() {
+            assert!(now.contains(&text(field)), "{name} has lost {field}");
+        }
+    }
+}
+
+fn collect_fields(schema: &Value, found: &mut BTreeSet<String>) {
+    found.extend(schema["properties"].as_object().into_iter().flatten().map(|(name, _)| name.clone()));
+    for part in ["allOf", "oneOf"].iter().flat_map(|key| schema[*key].as_array().into_iter().flatten()) {
+        collect_fields(part, found);
+    }
 }

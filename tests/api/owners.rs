@@ -14,6 +14,12 @@ struct Own {
     operator: String,
 }
 
+/// A cloud that every format holds: STL has triangles alone.
+fn cloud() -> Vec<u8> {
+    let triangles = (0..30).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    file(&sphere(100).with_faces(triangles).unwrap(), Format::Ply)
+}
+
 struct Keyed(Service);
 
 impl Keyed {
@@ -40,8 +46,7 @@ impl Keyed {
     }
 
     async fn submit(&self, key: &str, query: &str) -> (StatusCode, Value) {
-        let cloud = file(&sphere(100), Format::Ply);
-        let response = self.send(key, Method::POST, &format!("/clouds?{query}"), cloud).await;
+        let response = self.send(key, Method::POST, &format!("/clouds?{query}"), cloud()).await;
         (response.status(), response.json().await.unwrap())
     }
 
@@ -95,7 +100,7 @@ fn requests(own: &Own, other: &str) -> Vec<(Method, String, String)> {
 fn body_for(method: &Method, path: &str) -> Vec<u8> {
     let ones = serde_json::to_vec(&vec![1.0; 100]).unwrap();
     match (method, path) {
-        (&Method::POST, "/clouds") | (&Method::PUT, _) => file(&sphere(100), Format::Ply),
+        (&Method::POST, "/clouds") | (&Method::PUT, _) => cloud(),
         (&Method::POST, "/clouds/{id}/jobs") => b"{\"bases\": 4, \"operator\": \"voronoi\"}".to_vec(),
         (&Method::POST, "/jobs/{id}/filtered" | "/jobs/{id}/synthesis") => b"[1, 1, 1, 1]".to_vec(),
         (&Method::POST, _) => ones,

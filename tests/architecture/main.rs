@@ -8,22 +8,24 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Every room with the rooms that it may import from. A room stands below those that it is named in.
-const ROOMS: [(&str, &[&str]); 15] = [
+const ROOMS: [(&str, &[&str]); 16] = [
+    ("arguments", &[]),
     ("progress", &[]),
     ("metrics", &[]),
-    ("cloud", &["progress"]),
+    ("cloud", &["arguments", "progress"]),
     ("geometry", &["cloud", "progress"]),
-    ("operator", &["geometry", "cloud", "progress"]),
+    ("operator", &["arguments", "geometry", "cloud", "progress"]),
     ("spectrum", &["operator", "geometry", "cloud", "progress"]),
-    ("picture", &["geometry", "cloud", "progress"]),
+    ("picture", &["arguments", "geometry", "cloud", "progress"]),
     ("viewer", &["picture"]),
-    ("harmonics", &["spectrum", "operator", "geometry", "cloud", "progress"]),
-    ("analysis", &["spectrum", "operator", "geometry", "cloud", "progress"]),
-    ("store", &["analysis", "spectrum", "operator", "cloud", "progress"]),
+    ("harmonics", &["arguments", "spectrum", "operator", "geometry", "cloud", "progress"]),
+    ("analysis", &["arguments", "spectrum", "operator", "geometry", "cloud", "progress"]),
+    ("store", &["arguments", "analysis", "spectrum", "operator", "cloud", "progress"]),
     ("jobs", &["metrics", "store", "harmonics", "analysis", "spectrum", "operator", "cloud", "progress"]),
     (
         "http",
         &[
+            "arguments",
             "metrics",
             "jobs",
             "store",
@@ -39,12 +41,22 @@ const ROOMS: [(&str, &[&str]); 15] = [
         ],
     ),
     ("app", &["metrics", "http", "jobs", "store", "analysis", "cloud", "progress"]),
-    ("cli", &["app", "picture", "harmonics", "analysis", "operator", "cloud", "progress"]),
+    ("cli", &["arguments", "app", "picture", "harmonics", "analysis", "operator", "cloud", "progress"]),
 ];
 
 /// The pure library: usable by itself, without a runtime, a clock or an environment.
-const PURE: [&str; 9] =
-    ["progress", "cloud", "geometry", "picture", "viewer", "operator", "spectrum", "harmonics", "analysis"];
+const PURE: [&str; 10] = [
+    "arguments",
+    "progress",
+    "cloud",
+    "geometry",
+    "picture",
+    "viewer",
+    "operator",
+    "spectrum",
+    "harmonics",
+    "analysis",
+];
 
 /// What the pure library does without.
 const IMPURE: [&str; 13] = [

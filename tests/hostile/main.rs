@@ -79,7 +79,7 @@ fn no_file_makes_a_reader_panic_or_take_more_memory_than_it_may() {
         let format = seed.format.unwrap();
         assert!(
             read(&seed.bytes, format, &ReadOptions::default()).is_ok(),
-            "{} is no file to begin with",
+            "{} is not a file to begin with",
             seed.name
         );
     }

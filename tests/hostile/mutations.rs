@@ -21,7 +21,7 @@ const EDGES: [u64; 12] = [
     i64::MAX as u64,
     u64::MAX,
 ];
-/// The same as text, and what is no number.
+/// The same as text, and what is not a number.
 const WORDS: [&[u8]; 10] = [
     b"0",
     b"-1",

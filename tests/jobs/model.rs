@@ -1,7 +1,7 @@
 //! Random histories of the queue against a state machine that is small enough to be seen to be right.
 
 use chladni::analysis::JobKind;
-use chladni::store::{Claim, Heartbeat, JobFailure, JobState, Milliseconds, Owner, Store, StoreError};
+use chladni::store::{Claim, JobFailure, JobState, Milliseconds, Order, Owner, Store, StoreError};
 use proptest::prelude::*;
 use uuid::Uuid;
 
@@ -229,11 +229,11 @@ impl Pair {
         let expected = match self.model.holder(&claim) {
             Some(job) => {
                 job.lease_until = until;
-                if job.cancel { Heartbeat::Cancel } else { Heartbeat::Continue }
+                if job.cancel { Order::Cancel } else { Order::Continue }
             }
-            None => Heartbeat::Lost,
+            None => Order::Lost,
         };
-        assert_eq!(self.store.pulse(&claim).await.unwrap(), expected);
+        assert_eq!(self.store.order(&claim).await.unwrap(), expected);
         assert_eq!(self.store.heartbeat(&claim, &vitals()).await.unwrap(), expected);
     }
 

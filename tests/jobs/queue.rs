@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use chladni::analysis::JobKind;
 use chladni::progress::Phase;
-use chladni::store::{ArrayName, Heartbeat, JobFailure, JobState, Numbers, Owner, StoreError, Vitals};
+use chladni::store::{ArrayName, JobFailure, JobState, Numbers, Order, Owner, StoreError, Vitals};
 use uuid::Uuid;
 
 use crate::stage::{
@@ -52,7 +52,7 @@ async fn a_heartbeat_stores_phase_and_progress_and_progress_does_not_fall() {
         memory: 1,
     };
     for (sent, stored) in [(0.5, 0.5), (0.4, 0.5), (7.0, 1.0)] {
-        assert_eq!(store.heartbeat(&claim, &beat(sent)).await.unwrap(), Heartbeat::Continue);
+        assert_eq!(store.heartbeat(&claim, &beat(sent)).await.unwrap(), Order::Continue);
         let record = store.job(job.id).await.unwrap();
         assert_eq!(record.phase, Some(Phase::Assembly));
         assert!((record.progress - stored).abs() < f64::EPSILON, "{sent}");
@@ -70,7 +70,7 @@ async fn a_lease_holds_while_it_is_renewed_and_ends_when_it_is_not() {
     for _ in 0..3 {
         stage.advance(LEASE);
         assert!(store.claim(second).await.unwrap().is_none());
-        assert_eq!(store.heartbeat(&claim, &vitals()).await.unwrap(), Heartbeat::Continue);
+        assert_eq!(store.heartbeat(&claim, &vitals()).await.unwrap(), Order::Continue);
     }
     stage.advance(LEASE + 1);
     let taken = store.claim(second).await.unwrap().unwrap();
@@ -89,8 +89,8 @@ async fn whoever_lost_the_claim_can_write_nothing() {
     let current = store.claim(Uuid::now_v7()).await.unwrap().unwrap();
     let before = store.job(current.job.id).await.unwrap();
 
-    assert_eq!(store.heartbeat(&stale, &vitals()).await.unwrap(), Heartbeat::Lost);
-    assert_eq!(store.pulse(&stale).await.unwrap(), Heartbeat::Lost);
+    assert_eq!(store.heartbeat(&stale, &vitals()).await.unwrap(), Order::Lost);
+    assert_eq!(store.order(&stale).await.unwrap(), Order::Lost);
     let refusals = [
         store.begin_result(&stale).await,
         store.put_bases(&stale, vec![basis_values(5, 0)]).await,
@@ -168,8 +168,8 @@ async fn a_running_job_hears_of_its_cancellation_and_never_ends_with_a_result() 
     let claim = store.claim(Uuid::now_v7()).await.unwrap().unwrap();
     let asked = store.request_cancel(job.id).await.unwrap();
     assert_eq!((asked.state, asked.cancel_requested), (JobState::Running, true));
-    assert_eq!(store.pulse(&claim).await.unwrap(), Heartbeat::Cancel);
-    assert_eq!(store.heartbeat(&claim, &vitals()).await.unwrap(), Heartbeat::Cancel);
+    assert_eq!(store.order(&claim).await.unwrap(), Order::Cancel);
+    assert_eq!(store.heartbeat(&claim, &vitals()).await.unwrap(), Order::Cancel);
     let again = submit(&store, &cloud(5, 1), 2).await;
     assert_ne!(again.id, job.id, "what is being canceled does not stand in for a new request");
 
@@ -252,7 +252,7 @@ async fn deleting_a_running_job_asks_it_to_end_and_it_goes_then_and_any_other_go
     assert!(store.delete_job(queued.id).await.unwrap());
     assert!(matches!(store.job(queued.id).await, Err(StoreError::NotFound)));
     assert!(!store.delete_job(running.id).await.unwrap());
-    assert_eq!(store.pulse(&claim).await.unwrap(), Heartbeat::Cancel);
+    assert_eq!(store.order(&claim).await.unwrap(), Order::Cancel);
     assert!(store.job(running.id).await.is_ok(), "until it has ended");
     store.cancel_claimed(&claim).await.unwrap();
     assert!(matches!(store.job(running.id).await, Err(StoreError::NotFound)));

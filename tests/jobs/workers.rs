@@ -98,7 +98,7 @@ pub(crate) fn gated(deaf: bool) -> (Arc<Analyze>, Gate) {
 
 pub(crate) fn quick() -> JobsSettings {
     let tick = Duration::from_millis(5);
-    JobsSettings { heartbeat: tick, pulse: tick, poll: tick, ..JobsSettings::default() }
+    JobsSettings { heartbeat: tick, order_poll: tick, poll: tick, ..JobsSettings::default() }
 }
 
 async fn start(store: &Store, analyze: Arc<Analyze>) -> Jobs {

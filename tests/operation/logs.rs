@@ -57,7 +57,9 @@ async fn a_log_in_json_joins_requests_and_jobs_and_shows_no_key_no_path_and_no_c
     assert!(queued[0]["owner"].as_str().unwrap().starts_with("key "), "a key without a name");
     assert!(told("job ends").iter().any(|event| event["job"] == job.as_str()
         && event["state"] == "succeeded"
+        && event["owner"] == queued[0]["owner"]
         && event["seconds"].is_f64()));
+    assert!(told("job begins").iter().any(|event| event["owner"] == queued[0]["owner"]));
     assert!(
         told("answered").iter().any(|event| event["id"] == "join-me" && event["route"] == "/clouds/{id}")
     );

@@ -6,13 +6,13 @@ use std::path::PathBuf;
 use chladni::cloud::reader::Format;
 use chladni::cloud::writer::{PlyEncoding, write, write_annotated_ply};
 use chladni::harmonics::collapse::collapse;
-use chladni::harmonics::filtered::{self, Target};
+use chladni::harmonics::filtered::{self, Named, Target};
 use chladni::harmonics::functions::rows_without_result;
-use chladni::harmonics::{Filter, FilterKind, Scale, Transfer, transform};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use chladni::harmonics::{Filter, Transfer, transform};
 use serde_json::json;
 
 use super::{Failure, Output, Results, Writing, output, write_json, write_npy};
+use crate::cli::flags::Flags;
 
 /// Filter the coordinates of an analyzed cloud, or some of its fields.
 #[derive(Debug, clap::Args)]
@@ -28,70 +28,19 @@ pub(crate) struct FilterArgs {
     #[command(flatten)]
     writing: Writing,
 
-    /// What the filter does
-    #[arg(long, default_value = FilterKind::default().name(), value_parser = kinds())]
-    filter: FilterKind,
-
-    /// In what edges are given: number of a mode, √λ, or 2π/√λ in units of the cloud
-    #[arg(long, default_value = Scale::default().name(), value_parser = scales())]
-    by: Scale,
-
-    /// The edge of low-pass and high-pass; for heat, where the gain has fallen to 1/e
-    #[arg(long)]
-    cutoff: Option<f64>,
-
-    /// Lower edge of a band, itself inside
-    #[arg(long)]
-    from: Option<f64>,
-
-    /// Upper edge of a band, itself outside
-    #[arg(long)]
-    to: Option<f64>,
-
-    /// Factor on the band of enhance
-    #[arg(long)]
-    gain: Option<f64>,
-
-    /// Time of heat, in squared units of the cloud
-    #[arg(long)]
-    time: Option<f64>,
-
-    /// Width of the transition around every edge, as a share of its frequency
-    #[arg(long, default_value_t = 0.0)]
-    taper: f64,
-
-    /// Factor on what lies outside of the span of the bases
-    #[arg(long)]
-    outside: Option<f64>,
+    #[command(flatten)]
+    filter: Flags<Filter>,
 
     /// Gains of the modes in place of a filter: a list such as 1,1,0.5
     #[arg(long, value_delimiter = ',', conflicts_with_all = ["filter", "by", "cutoff", "from", "to", "gain", "time", "taper"])]
     gains: Vec<f64>,
 
-    /// Filter these fields in place of the coordinates
-    #[arg(long, value_delimiter = ',', value_name = "NAME")]
-    field: Vec<String>,
+    #[command(flatten)]
+    named: Flags<Named>,
 
     /// Write PLY as text
     #[arg(long)]
     ascii: bool,
-}
-
-fn kinds() -> impl TypedValueParser<Value = FilterKind> {
-    PossibleValuesParser::new(FilterKind::ALL.map(FilterKind::name))
-        .try_map(|name| FilterKind::from_name(&name).ok_or("not a filter"))
-}
-
-fn scales() -> impl TypedValueParser<Value = Scale> {
-    PossibleValuesParser::new(Scale::ALL.map(Scale::name))
-        .try_map(|name| Scale::from_name(&name).ok_or("not a scale"))
-}
-
-impl FilterArgs {
-    fn filter(&self) -> Filter {
-        let &Self { filter: kind, by, cutoff, from, to, gain, time, taper, outside, .. } = self;
-        Filter { kind, by, cutoff, from, to, gain, time, taper, outside }
-    }
 }
 
 /// What a filtered cloud is written as.
@@ -116,16 +65,15 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
     let format = args.writing.choice(&args.output, &offered())?;
     let results = Results::read(&args.results)?;
     let (transfer, description) = if args.gains.is_empty() {
-        let filter = args.filter();
+        let filter = &args.filter.0;
         (filter.transfer(&results.modes).map_err(Failure::input)?, filter.describe())
     } else {
-        let outside = args.outside.unwrap_or(0.0);
+        let outside = args.filter.0.outside.unwrap_or(0.0);
         let transfer = Transfer::from_gains(args.gains.clone(), outside, &results.modes);
         (transfer.map_err(Failure::input)?, "gains as given".to_owned())
     };
     let cloud = results.cloud()?;
-    let names: Vec<&str> = args.field.iter().map(String::as_str).collect();
-    let target = Target::named(&cloud, &names).map_err(Failure::input)?;
+    let target = Target::named(&cloud, &args.named.0.field).map_err(Failure::input)?;
     let functions = target.functions(&cloud, &results.mass).map_err(Failure::input)?;
     let values: Vec<&[f64]> = functions.iter().map(|function| function.values.as_slice()).collect();
     let found = transform::total(&results.map(|block| transform::partial(block, &results.mass, &values)));

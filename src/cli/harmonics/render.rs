@@ -4,16 +4,14 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use chladni::cloud::PointCloud;
-use chladni::harmonics::Surroundings;
+use chladni::harmonics::Neighborhoods;
 use chladni::harmonics::features::{self as salient, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
-use chladni::picture::{
-    Background, Legend, Paint, Picture, Spectrum, Up, View, legend_of_basis, plot_spectrum,
-};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use chladni::picture::{Legend, Paint, Picture, Spectrum, View, legend_of_basis, plot_spectrum};
 use rayon::prelude::*;
 use serde_json::json;
 
 use super::{Failure, Results, Writing, output, results};
+use crate::cli::flags::Flags;
 use crate::cli::input::CloudArgs;
 
 /// Draw a cloud, a basis, or feature points; plot a spectrum.
@@ -34,33 +32,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "COUNT")]
     features: Option<usize>,
 
-    /// Degrees about the axis that points up, as in Matplotlib
-    #[arg(long, value_name = "DEGREES", default_value_t = View::default().azimuth, allow_negative_numbers = true)]
-    azimuth: f64,
-
-    /// Degrees above the plane of the other two axes
-    #[arg(long, value_name = "DEGREES", default_value_t = View::default().elevation, allow_negative_numbers = true)]
-    elevation: f64,
-
-    /// The axis that points up
-    #[arg(long, default_value = "z", value_parser = ups())]
-    up: Up,
-
-    /// Pixels of a row
-    #[arg(long, value_name = "PIXELS", default_value_t = View::default().width as u64, value_parser = clap::value_parser!(u64).range(1..=16384))]
-    width: u64,
-
-    /// Rows of pixels
-    #[arg(long, value_name = "PIXELS", default_value_t = View::default().height as u64, value_parser = clap::value_parser!(u64).range(1..=16384))]
-    height: u64,
-
-    /// What is behind the points
-    #[arg(long, default_value = "white", value_parser = backgrounds())]
-    background: Background,
-
-    /// Add a color bar with values, what is shown and its unit
-    #[arg(long)]
-    legend: bool,
+    #[command(flatten)]
+    view: Flags<View>,
 
     #[command(flatten)]
     cloud: CloudArgs,
@@ -71,15 +44,6 @@ pub(crate) struct RenderArgs {
 
     #[command(flatten)]
     writing: Writing,
-}
-
-fn ups() -> impl TypedValueParser<Value = Up> {
-    PossibleValuesParser::new(Up::NAMES).try_map(|name| Up::from_name(&name).ok_or("no axis"))
-}
-
-fn backgrounds() -> impl TypedValueParser<Value = Background> {
-    PossibleValuesParser::new(Background::NAMES)
-        .try_map(|name| Background::from_name(&name).ok_or("no background"))
 }
 
 /// Reads, draws, writes.
@@ -112,7 +76,7 @@ fn picture(args: &RenderArgs) -> Result<(), Failure> {
         Some(count) => marks(of_results("features")?, &cloud, count)?,
         None => Vec::new(),
     };
-    let view = view(args);
+    let view = args.view.0;
     let mut picture = Picture::draw(&cloud, &paint, &marks, &view);
     if view.legend {
         let (title, unit) = legend(args, results.as_ref());
@@ -136,18 +100,6 @@ fn legend(args: &RenderArgs, results: Option<&Results>) -> (String, &'static str
     (legend_of_basis(index, eigenvalue), "1/length")
 }
 
-fn view(args: &RenderArgs) -> View {
-    View {
-        azimuth: args.azimuth,
-        elevation: args.elevation,
-        up: args.up,
-        width: args.width as usize,
-        height: args.height as usize,
-        background: args.background,
-        legend: args.legend,
-    }
-}
-
 fn basis(results: &Results, index: usize) -> Result<&[f64], Failure> {
     let bases = results.bases();
     bases.get(index).map(Vec::as_slice).ok_or_else(|| {
@@ -166,14 +118,14 @@ fn field<'a>(cloud: &'a PointCloud, name: &str) -> Result<&'a [f64], Failure> {
 /// The rows of the most persistent feature points.
 fn marks(results: &Results, cloud: &PointCloud, count: usize) -> Result<Vec<usize>, Failure> {
     let radius = RADIUS_IN_EPSILON * results.report.sampling.epsilon;
-    let surroundings = Surroundings::find(cloud, &results.mass, radius).map_err(Failure::input)?;
+    let neighborhoods = Neighborhoods::find(cloud, &results.mass, radius).map_err(Failure::input)?;
     let area: f64 = results.mass.iter().filter(|mass| !mass.is_nan()).sum();
     let first = results.modes.zero_modes().min(results.modes.len());
     let bases = &results.bases()[first..];
     let extrema: Vec<_> =
-        bases.par_iter().map(|basis| salient::extrema(basis, &surroundings, area)).collect();
-    let places = salient::features(&extrema, first, &surroundings, PERSISTENCE_MIN);
-    Ok(places.iter().take(count).map(|place| place.in_cloud(&surroundings, cloud).index).collect())
+        bases.par_iter().map(|basis| salient::extrema(basis, &neighborhoods, area)).collect();
+    let places = salient::features(&extrema, first, &neighborhoods, PERSISTENCE_MIN);
+    Ok(places.iter().take(count).map(|place| place.in_cloud(&neighborhoods, cloud).index).collect())
 }
 
 fn plot(args: &RenderArgs) -> Result<(), Failure> {

@@ -3,9 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use chladni::analysis::Report;
-use chladni::harmonics::{Modes, invariants::measure, shape_dna};
+use chladni::harmonics::{
+    Modes,
+    invariants::measure,
+    shape_dna::{self, Comparison},
+};
 
 use super::{Failure, results, write_json};
+use crate::cli::flags::Flags;
 
 /// Compare two shapes by their spectra (ShapeDNA).
 #[derive(Debug, clap::Args)]
@@ -16,13 +21,8 @@ pub(crate) struct SimilarityArgs {
     /// Another one
     second: PathBuf,
 
-    /// Number of non-zero modes to compare, at most
-    #[arg(long, default_value_t = 50)]
-    modes: usize,
-
-    /// Tell the same shape in two sizes apart
-    #[arg(long)]
-    sized: bool,
+    #[command(flatten)]
+    comparison: Flags<Comparison>,
 }
 
 /// Read area, boundary length and Euler characteristic off a spectrum.
@@ -37,7 +37,12 @@ pub(crate) fn similarity(args: &SimilarityArgs) -> Result<(), Failure> {
     let (first, first_modes) = shape(&args.first)?;
     let (second, second_modes) = shape(&args.second)?;
     let areas = [first.sampling.area, second.sampling.area];
-    let found = shape_dna::compare([&first_modes, &second_modes], areas, args.sized, args.modes);
+    let found = shape_dna::compare(
+        [&first_modes, &second_modes],
+        areas,
+        args.comparison.0.sized,
+        args.comparison.0.modes,
+    );
     let found =
         found.ok_or_else(|| Failure::Input("one of the spectra has no eigenvalue above 0".to_owned()))?;
     write_json(&found, Path::new("-"))

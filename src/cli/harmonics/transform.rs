@@ -159,7 +159,7 @@ fn lists(path: &Path) -> Result<Vec<Function>, Failure> {
         .map(|(name, list)| {
             let values: Option<Vec<f64>> =
                 list.as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
-            let values = values.ok_or_else(|| refused(&format!("`{name}` is no list of numbers")))?;
+            let values = values.ok_or_else(|| refused(&format!("`{name}` is not a list of numbers")))?;
             Ok(Function::new(name.clone(), values))
         })
         .collect()

@@ -4,7 +4,7 @@ use chladni::analysis::Parameters;
 use chladni::cloud::PointCloud;
 use chladni::cloud::shapes::{Sampling, Shape};
 use chladni::harmonics::features::{Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON, extrema, features};
-use chladni::harmonics::{Modes, Surroundings};
+use chladni::harmonics::{Modes, Neighborhoods};
 use chladni::operator::OperatorKind::{self, Graph, PbMhb};
 
 use super::Extent;
@@ -66,11 +66,11 @@ fn features_of(
     let analysis = bases(cloud, &Parameters { operator, bases: modes, ..Parameters::default() })?;
     let (epsilon, mass) = (analysis.report.sampling.epsilon, analysis.mass());
     let zero_modes = analysis.report.spectrum.as_ref().map_or(0, |spectrum| Modes::of(spectrum).zero_modes());
-    let surroundings =
-        Surroundings::find(cloud, &mass, RADIUS_IN_EPSILON * epsilon).map_err(Failure::other)?;
+    let neighborhoods =
+        Neighborhoods::find(cloud, &mass, RADIUS_IN_EPSILON * epsilon).map_err(Failure::other)?;
     let area: f64 = mass.iter().filter(|mass| !mass.is_nan()).sum();
     let extrema: Vec<_> =
-        (zero_modes..modes).map(|j| extrema(&analysis.basis(j), &surroundings, area)).collect();
-    let places = features(&extrema, zero_modes, &surroundings, PERSISTENCE_MIN);
-    Ok((places.iter().map(|place| place.in_cloud(&surroundings, cloud)).collect(), epsilon))
+        (zero_modes..modes).map(|j| extrema(&analysis.basis(j), &neighborhoods, area)).collect();
+    let places = features(&extrema, zero_modes, &neighborhoods, PERSISTENCE_MIN);
+    Ok((places.iter().map(|place| place.in_cloud(&neighborhoods, cloud)).collect(), epsilon))
 }

@@ -45,7 +45,7 @@ const SIGNATURES: [(&[u8], &str, &str); 29] = [
     (b"DRACO", "compressed by Draco", "decode it to PLY by `draco_decoder`"),
 ];
 
-/// What the file is, if it is no cloud.
+/// What the file is, if it is not a cloud.
 pub(super) fn told(bytes: &[u8]) -> Option<Foreign> {
     let found = SIGNATURES.iter().find(|(signature, ..)| bytes.starts_with(signature));
     if let Some(&(_, what, advice)) = found {

@@ -3,8 +3,21 @@
 use std::fmt;
 
 /// File formats of clouds. All are read; [`Format::WRITTEN`] are written too.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    Hash,
+    serde::Serialize,
+    serde::Deserialize,
+    strum::EnumString,
+    strum::IntoStaticStr,
+    strum::VariantNames,
+)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
     /// Polygon file format, ASCII or binary.
@@ -71,36 +84,30 @@ impl Format {
     /// Name in the interface.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Ply => "ply",
-            Self::Obj => "obj",
-            Self::Off => "off",
-            Self::Stl => "stl",
-            Self::Xyz => "xyz",
-            Self::Csv => "csv",
-            Self::Npy => "npy",
-            Self::Pcd => "pcd",
-            Self::Las => "las",
-            Self::Laz => "laz",
-            Self::E57 => "e57",
-        }
+        <Self as strum::VariantNames>::VARIANTS[self as usize]
     }
 
     /// Media type in answers. Only `model/obj`, `model/stl`, `model/e57` and `text/csv` are registered with IANA.
     #[must_use]
     pub const fn media_type(self) -> &'static str {
+        self.media_types()[0]
+    }
+
+    /// Media types that ask for it, [`Self::media_type`] first.
+    #[must_use]
+    pub const fn media_types(self) -> &'static [&'static str] {
         match self {
-            Self::Ply => "application/x-ply",
-            Self::Obj => "model/obj",
-            Self::Off => "application/x-off",
-            Self::Stl => "model/stl",
-            Self::Xyz => "text/x-xyz",
-            Self::Csv => "text/csv",
-            Self::Npy => "application/x-npy",
-            Self::Pcd => "application/x-pcd",
-            Self::Las => "application/vnd.las",
-            Self::Laz => "application/vnd.laszip",
-            Self::E57 => "model/e57",
+            Self::Ply => &["application/ply", "model/ply", "application/x-ply"],
+            Self::Obj => &["model/obj"],
+            Self::Off => &["application/x-off"],
+            Self::Stl => &["model/stl"],
+            Self::Xyz => &["text/x-xyz", "text/plain"],
+            Self::Csv => &["text/csv"],
+            Self::Npy => &["application/x-npy", "application/npy", "application/octet-stream"],
+            Self::Pcd => &["application/x-pcd"],
+            Self::Las => &["application/vnd.las"],
+            Self::Laz => &["application/vnd.laszip"],
+            Self::E57 => &["model/e57"],
         }
     }
 
@@ -113,7 +120,7 @@ impl Format {
     /// The format with this [`Self::name`], in any case.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|format| format.name().eq_ignore_ascii_case(name))
+        name.to_ascii_lowercase().parse().ok()
     }
 
     /// The format of a file with this extension (without the dot), in any case.
@@ -203,7 +210,7 @@ impl Format {
             .find_map(Self::from_line)
     }
 
-    /// What a line says that is no comment.
+    /// What a line says that is not a comment.
     fn from_line(line: &[u8]) -> Option<Self> {
         let word = line.split(u8::is_ascii_whitespace).next()?;
         let is_obj =

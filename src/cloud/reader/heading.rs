@@ -77,7 +77,7 @@ impl<'a> Scan<'a> {
         }
     }
 
-    /// The next line that is no comment.
+    /// The next line that is not a comment.
     fn next(&mut self) -> Option<&'a [u8]> {
         loop {
             let line = self.lines.next()?;

@@ -34,7 +34,8 @@ pub use format::Format;
 pub use npy::read_columns;
 
 use self::guard::guarded;
-use super::{NonFinite, PointCloud};
+use super::{DIMENSION_MAX, NonFinite, PointCloud};
+use crate::arguments::arguments;
 
 /// How much of everything is accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +79,30 @@ impl Limits {
             Some(bytes) if bytes <= self.memory_max => Ok(()),
             _ => Err(ReadError::TooMuchMemory { allowed: self.memory_max }),
         }
+    }
+}
+
+arguments! {
+    /// How a file is read, as a caller asks for it.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct ReadRequest {
+        /// Format of the file.
+        format: Option<Format> = word(Format), absent "from Content-Type, then the file's name, then the bytes";
+        /// What to do with rows that have a NaN or infinite coordinate: refuse the cloud, or keep the rows without a
+        /// result.
+        nonfinite: NonFinite = word(NonFinite), default NonFinite::Reject;
+        /// For tables (XYZ, CSV, NPY): the first so many columns are coordinates, the others fields.
+        coordinates: Option<usize> = integer(1, DIMENSION_MAX), absent "3 or all columns, by format";
+        /// For files of several scans (E57, PTX): which one, counting from 0.
+        scan: Option<usize> = integer(0, usize::MAX), absent "all of them";
+    }
+}
+
+impl ReadRequest {
+    /// The options of a reader, within limits.
+    #[must_use]
+    pub fn options(&self, limits: Limits) -> ReadOptions {
+        ReadOptions { policy: self.nonfinite, dimension: self.coordinates, scan: self.scan, limits }
     }
 }
 
@@ -141,7 +166,7 @@ fn check_unpacked(format: Format, packed: usize, unpacked: usize) -> Result<(), 
     Ok(())
 }
 
-/// What a file is called that is no cloud: an HTML page, a picture.
+/// What a file is called that is not a cloud: an HTML page, a picture.
 #[must_use]
 pub fn foreign(bytes: &[u8]) -> Option<ReadError> {
     foreign::told(bytes).map(|foreign::Foreign { what, advice }| ReadError::Foreign { what, advice })

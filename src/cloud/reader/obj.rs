@@ -192,7 +192,7 @@ impl Mesh {
         let number: i64 = lexical_core::parse(vertex)
             .ok()
             .filter(|_| others_are_indices)
-            .ok_or_else(|| refuse("is no corner; v, v/vt, v//vn and v/vt/vn are accepted"))?;
+            .ok_or_else(|| refuse("is not a corner; v, v/vt, v//vn and v/vt/vn are accepted"))?;
         let points = self.columns.len();
         let index = match number {
             0 => return Err(refuse("is index 0; OBJ counts from 1, or backwards from -1")),
@@ -294,8 +294,8 @@ mod tests {
             "OBJ, line 4: `0` in face 1 is index 0; OBJ counts from 1, or backwards from -1"
         );
         assert_eq!(message("f 1 2 -4"), "OBJ, line 4: `-4` in face 1 names no vertex; 3 precede it");
-        assert!(message("f 1 2 x").contains("is no corner"));
-        assert!(message("f 1 2 99999999999999999999").contains("is no corner"));
+        assert!(message("f 1 2 x").contains("is not a corner"));
+        assert!(message("f 1 2 99999999999999999999").contains("is not a corner"));
         assert!(message("f 1 2 -9223372036854775808").contains("names no vertex"));
         assert!(message("v 1").contains("a vertex with 1 numbers"));
         assert!(message("v 1 2 3 4 5").contains("a vertex with 5 numbers"));

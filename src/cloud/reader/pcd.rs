@@ -161,7 +161,7 @@ impl Header {
                     return Ok(header);
                 }
                 word => {
-                    let message = format!("{} is no line of a PCD header; DATA ends it", shown(word));
+                    let message = format!("{} is not a line of a PCD header; DATA ends it", shown(word));
                     return Err(ReadError::line(FORMAT, line.number, message));
                 }
             }

@@ -157,7 +157,7 @@ fn finish(
     if count > 1 && options.scan.is_none() {
         columns.append("scan", ScalarType::Uint32, scans)?;
     }
-    // What the scanner marks as no return is no broken number.
+    // What the scanner marks as no return is not a broken number.
     let policy = if empty > 0 { NonFinite::Drop } else { options.policy };
     columns.into_cloud(Vec::new(), &ReadOptions { policy, ..*options })
 }

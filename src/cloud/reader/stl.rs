@@ -119,7 +119,7 @@ fn read_text(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadErro
                 corners.clear();
             }
             _ => {
-                let message = format!("{} is no line of an STL file", shown(word));
+                let message = format!("{} is not a line of an STL file", shown(word));
                 return Err(ReadError::line(FORMAT, line.number, message));
             }
         }
@@ -263,7 +263,7 @@ mod tests {
         );
         assert!(message(text.replace("1.5 0", "1.5").as_bytes()).contains("line 5: a vertex has three"));
         assert!(message(text.replace("endsolid", "").as_bytes()).contains("`endsolid` is missing"));
-        assert!(message(text.replace("outer loop", "uter loop").as_bytes()).contains("`uter` is no line"));
+        assert!(message(text.replace("outer loop", "uter loop").as_bytes()).contains("`uter` is not a line"));
         let again = "    vertex 9 9 9\n  endloop";
         assert!(message(text.replacen("  endloop", again, 1).as_bytes()).contains("four vertices"));
     }

@@ -9,7 +9,7 @@ use super::text::{Line, Lines, before_comment, not_a_number, number, rows_at_mos
 use super::{Format, Limits, ReadError, ReadOptions, names};
 use crate::cloud::{PointCloud, ScalarType};
 
-/// Cells of a line that are looked at before its columns are known. A line without end is no table, and is not to be
+/// Cells of a line that are looked at before its columns are known. A line without end is not a table, and is not to be
 /// taken apart as one.
 pub(super) const CELLS_MAX: usize = 4096;
 

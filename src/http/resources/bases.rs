@@ -8,53 +8,41 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::bases_files::Selection;
+use crate::arguments::arguments;
 use crate::cloud::ScalarType;
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, ResultProblems};
-use crate::http::wire::accept::{CSV, JSON, NPY, NPZ, Offer, PLY};
-use crate::http::wire::download::Download;
-use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Arguments};
+use crate::http::results::offered::offered;
+use crate::http::results::request::ResultRequest;
+use crate::http::wire::accept::{CSV, JSON, NPY, NPZ, PLY};
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::problem_sets::{RangeProblem, ResultProblems};
 
-/// What they can be had as.
-pub(crate) const OFFERS: [Offer; 5] = [JSON, NPY, PLY, NPZ, CSV];
+/// Type of numbers in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
+#[strum(serialize_all = "lowercase")]
+pub(crate) enum Precision {
+    /// Eight bytes.
+    F64,
+    /// Four bytes.
+    F32,
+}
 
 /// Bytes of a number in memory, and as JSON text.
 const BASIS_NUMBER_BYTES: u64 = 8 + 22;
 
-const ARGUMENTS: &[Argument] = &[
-    Argument {
-        name: "first",
-        alias: None,
-        accepts: Accepts::Integer(0, u64::MAX),
-        default: "0",
-        meaning: "Index of the first basis, from 0.",
-    },
-    Argument {
-        name: "count",
-        alias: None,
-        accepts: Accepts::Integer(1, u64::MAX),
-        default: "all from the first",
-        meaning: "Number of bases.",
-    },
-    asked::format(
-        &["json", "npy", "ply", "npz", "csv"],
-        "by Accept, else json",
-        "Format of the answer: `npy` is an array of points × bases in C order; `ply` has the points and one property per basis, `basis_0` and so on; `csv` the same in columns; `npz` has the arrays `points`, `eigenvalues`, `mass` and `bases`.",
-    ),
-    Argument {
-        name: "dtype",
-        alias: None,
-        accepts: Accepts::Word(&["f64", "f32"]),
-        default: "f64 for npy and npz, f32 for ply",
-        meaning: "Type of the bases in npy, npz and ply.",
-    },
-];
+arguments! {
+    /// Which bases.
+    #[derive(Debug)]
+    pub(crate) struct ReadBases {
+        /// Index of the first basis, from 0.
+        first: usize = integer(0, usize::MAX), default 0;
+        /// Number of bases.
+        count: Option<usize> = integer(1, usize::MAX), absent "all from the first";
+        /// Type of the bases in npy, npz and ply.
+        dtype: Option<Precision> = word(Precision), absent "f64 for npy and npz, f32 for ply";
+    }
+}
 
-resource!(
-    /// Query of `GET /jobs/{id}/bases`.
-    ReadBases: OFFERS, ARGUMENTS
-);
+offered!(ReadBases: [JSON, NPY, PLY, NPZ, CSV], "Format of the answer: `npy` is an array of points × bases in C order; `ply` has the points and one property per basis, `basis_0` and so on; `csv` the same in columns; `npz` has the arrays `points`, `eigenvalues`, `mass` and `bases`.");
 
 /// Bases as JSON.
 #[derive(Debug, Serialize, ToSchema)]
@@ -80,23 +68,19 @@ pub(crate) struct Bases {
     get,
     path = "/jobs/{id}/bases",
     tag = "results",
-    params(("id" = Uuid, Path, description = "The job."), ReadBases),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadBases>),
     responses(
         (status = 200, description = "The bases.", content((Bases = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"), (String = "text/csv")), headers(("ETag" = String, description = "Of these bytes."))),
-        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"))),
+        (status = 206, description = "The range request for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"))),
         (status = 304, description = "The client's copy is current."),
-        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        RangeProblem,
         ResultProblems,
     )
 )]
-pub(crate) async fn bases(asked: Asked<ReadBases>) -> Result<Response, Problem> {
-    respond(asked).await
-}
-
-pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem> {
-    let (job, spectrum) = asked.eigen().await?;
-    let (service, offer) = (&asked.service, asked.offer);
-    let bases = selected(&asked.arguments, spectrum.eigenvalues.len())?;
+pub(crate) async fn bases(request: ResultRequest<ReadBases>) -> Result<Response, Problem> {
+    let (job, spectrum) = request.eigen().await?;
+    let (service, offer) = (&request.service, request.offer);
+    let bases = selected(&request.arguments, spectrum.eigenvalues.len())?;
     let selection = Selection {
         store: service.store.clone(),
         compute: service.compute.clone(),
@@ -105,12 +89,15 @@ pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
         chunk_rows: job.chunk_points,
         bases: bases.clone(),
     };
-    let kind = match (asked.arguments.word("dtype"), offer) {
-        (Some("f32"), _) | (None, PLY) => ScalarType::Float32,
+    let kind = match (request.arguments.dtype, offer) {
+        (Some(Precision::F32), _) | (None, PLY) => ScalarType::Float32,
         _ => ScalarType::Float64,
     };
     let tag = format!("{}-{}-{}-{}", job.id.simple(), bases.start, bases.end, kind.ply_name());
-    let mut download = Download { offer, tag, stem: format!("bases-{}", job.id), length: None };
+    let plan = request.plan(tag, format!("bases-{}", job.id));
+    if let Some(answer) = plan.unchanged() {
+        return Ok(answer);
+    }
     let beside = match offer {
         NPY => 0,
         // The archive's head holds the points and the masses again.
@@ -119,28 +106,25 @@ pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
     };
     let eigenvalues = &spectrum.eigenvalues[bases];
     if offer == JSON {
-        asked.refuse_large_json(job.points * eigenvalues.len() as u64)?;
+        request.refuse_large_json(job.points * eigenvalues.len() as u64)?;
         // A basis at a time, as numbers and as text; few are on their way.
-        let reservation = asked.reserve(job.points * 2 * BASIS_NUMBER_BYTES).await?;
+        let reservation = request.reserve(job.points * 2 * BASIS_NUMBER_BYTES).await?;
         let eigenvalues = serde_json::to_string(eigenvalues).map_err(|error| Problem::internal(&error))?;
-        return download.answer(&asked.method, &asked.headers, reservation, |_| selection.json(&eigenvalues));
+        return plan.answer(None, reservation, |_| selection.json(&eigenvalues));
     }
-    let reservation = asked.reserve(selection.bytes_at_work(kind) + beside).await?;
+    let reservation = request.reserve(selection.bytes_at_work(kind) + beside).await?;
     let cloud = match offer {
         NPY => None,
         _ => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
     };
     match (offer, cloud) {
-        (CSV, Some(cloud)) => {
-            download.answer(&asked.method, &asked.headers, reservation, |_| selection.csv(cloud))
-        }
+        (CSV, Some(cloud)) => plan.answer(None, reservation, |_| selection.csv(cloud)),
         (NPZ, Some(cloud)) => {
             let mass = service.store.mass(job.id).await?;
             let (planned, eigenvalues) = (selection.clone(), eigenvalues.to_vec());
             let archive = move || planned.archive(&cloud, &eigenvalues, &mass, kind);
             let (layout, open) = service.compute.run(archive).await?;
-            download.length = Some(layout.length());
-            download.answer(&asked.method, &asked.headers, reservation, |span| {
+            plan.answer(Some(layout.length()), reservation, |span| {
                 let encode = move |chunk| selection.clone().checked_chunk(chunk, kind);
                 layout.stream_sealed(span, encode, |checksum| open.tail(checksum))
             })
@@ -148,8 +132,7 @@ pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
         (_, cloud) => {
             let (planned, shown) = (selection.clone(), cloud.clone());
             let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
-            download.length = Some(layout.length());
-            download.answer(&asked.method, &asked.headers, reservation, |span| {
+            plan.answer(Some(layout.length()), reservation, |span| {
                 layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
             })
         }
@@ -157,12 +140,12 @@ pub(crate) async fn respond(asked: Asked<ReadBases>) -> Result<Response, Problem
 }
 
 /// The bases that `first` and `count` select of `available`.
-fn selected(arguments: &Arguments, available: usize) -> Result<Range<usize>, Problem> {
-    let first = arguments.integer("first").unwrap_or(0);
-    let count = arguments.integer("count").unwrap_or((available as u64).saturating_sub(first));
+fn selected(arguments: &ReadBases, available: usize) -> Result<Range<usize>, Problem> {
+    let first = arguments.first;
+    let count = arguments.count.unwrap_or(available.saturating_sub(first));
     let end = first.saturating_add(count);
-    if first < available as u64 && end <= available as u64 {
-        return Ok(first as usize..end as usize);
+    if first < available && end <= available {
+        return Ok(first..end);
     }
     Err(Problem::new(
         Kind::InvalidParameter,
@@ -171,6 +154,6 @@ fn selected(arguments: &Arguments, available: usize) -> Result<Range<usize>, Pro
             available - 1
         ),
     )
-    .with("parameter", if first < available as u64 { "count" } else { "first" })
+    .with("parameter", if first < available { "count" } else { "first" })
     .with("available", available))
 }

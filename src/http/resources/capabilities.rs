@@ -6,22 +6,23 @@ use axum::Json;
 use axum::extract::State;
 use serde::Serialize;
 use serde_json::Value;
+use strum::VariantNames;
 use utoipa::ToSchema;
 
-use super::parameters::{KIND, PARAMETERS};
-use super::submission::UPLOAD;
 use super::{
-    bases, coefficients, distances, features, filtered, image, laplacian, operator, points, signatures,
-    similarity, spectrum,
+    bases, coefficients, features, filtered, image, laplacian, operator, points, similarity, spectrum,
+    submission,
 };
+use crate::arguments::{Accepts, Argument, Arguments};
 use crate::cloud::reader::Format;
-use crate::harmonics::FilterKind;
+use crate::harmonics::{DistanceRequest, FilterKind, SignatureRequest};
 use crate::http::paging;
-use crate::http::results::asked;
+use crate::http::results::offered::Resource;
+use crate::http::results::request::{self, Query};
 use crate::http::service::{Limits, Shared};
 use crate::http::wait;
 use crate::http::wire::accept::{JSON, Offer};
-use crate::http::wire::query::{Accepts, Argument};
+use crate::http::wire::query;
 use crate::operator::OperatorKind;
 
 /// What the service can do, and how much of it.
@@ -88,7 +89,7 @@ pub(crate) struct ParameterView {
     #[schema(value_type = Object)]
     schema: Value,
     /// Its value when absent, in words if it depends on other things.
-    default: &'static str,
+    default: String,
     /// What it does, with units.
     meaning: &'static str,
 }
@@ -159,15 +160,15 @@ impl From<&Argument> for ParameterView {
             Accepts::Integer(..) => "integer",
             Accepts::Positive | Accepts::NonNegative | Accepts::Range(..) => "number",
             Accepts::Switch => "boolean",
-            Accepts::Word(_) | Accepts::Id | Accepts::Text => "string",
+            Accepts::Word(_) | Accepts::Id | Accepts::Text | Accepts::Names => "string",
         };
         Self {
             name: argument.name,
             alias: argument.alias,
             kind,
             accepted: argument.accepts.in_words(),
-            schema: serde_json::to_value(argument.accepts.schema()).unwrap_or_default(),
-            default: argument.default,
+            schema: serde_json::to_value(query::schema(argument.accepts)).unwrap_or_default(),
+            default: argument.absent.in_words(),
             meaning: argument.meaning,
         }
     }
@@ -177,24 +178,31 @@ fn offered(offers: &[Offer]) -> Vec<FormatView> {
     offers.iter().map(|offer| FormatView { name: offer.name, media_type: offer.media_type() }).collect()
 }
 
+fn parameters<A: Arguments>() -> Vec<ParameterView> {
+    query::table::<A>().iter().map(ParameterView::from).collect()
+}
+
+fn result<R: Resource>() -> ResultView {
+    ResultView { formats: offered(R::OFFERS), parameters: parameters::<Query<R>>() }
+}
+
 fn results() -> BTreeMap<&'static str, ResultView> {
-    fn view(offers: &[Offer], tables: &[&[Argument]]) -> ResultView {
-        let parameters = tables.iter().flat_map(|table| table.iter()).map(ParameterView::from).collect();
-        ResultView { formats: offered(offers), parameters }
-    }
     BTreeMap::from([
-        ("bases", view(&bases::OFFERS, bases::ReadBases::TABLES)),
-        ("bases/{basis}/image.png", view(&image::OFFERS, image::ReadImage::TABLES)),
-        ("spectrum", view(&spectrum::OFFERS, spectrum::ReadSpectrum::TABLES)),
-        ("operator", view(&operator::OFFERS, operator::ReadOperator::TABLES)),
-        ("coefficients", view(&coefficients::OFFERS, coefficients::ReadCoefficients::TABLES)),
-        ("laplacian", view(&laplacian::OFFERS, laplacian::ApplyLaplacian::TABLES)),
-        ("synthesis", view(&coefficients::SYNTHESIS_OFFERS, coefficients::Synthesize::TABLES)),
-        ("filtered", view(&filtered::OFFERS, filtered::ReadFiltered::TABLES)),
-        ("features", view(&features::OFFERS, features::ReadFeatures::TABLES)),
-        ("signatures", view(&signatures::OFFERS, signatures::ReadSignatures::TABLES)),
-        ("distances", view(&distances::OFFERS, distances::ReadDistances::TABLES)),
-        ("similarity", view(&[JSON], similarity::Compare::TABLES)),
+        ("bases", result::<bases::ReadBases>()),
+        ("bases/{basis}/image.png", result::<image::ReadImage>()),
+        ("spectrum", result::<spectrum::ReadSpectrum>()),
+        ("operator", result::<operator::ReadOperator>()),
+        ("coefficients", result::<coefficients::ReadCoefficients>()),
+        ("laplacian", result::<laplacian::ApplyLaplacian>()),
+        ("synthesis", result::<coefficients::Synthesize>()),
+        ("filtered", result::<filtered::ReadFiltered>()),
+        ("features", result::<features::ReadFeatures>()),
+        ("signatures", result::<SignatureRequest>()),
+        ("distances", result::<DistanceRequest>()),
+        (
+            "similarity",
+            ResultView { formats: offered(&[JSON]), parameters: parameters::<similarity::Compare>() },
+        ),
     ])
 }
 
@@ -208,22 +216,14 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
                 .iter()
                 .map(|format| FormatView { name: format.name(), media_type: format.media_type() })
                 .collect(),
-            points: offered(&points::OFFERS),
-            bases: offered(&bases::OFFERS),
+            points: offered(points::ReadPoints::OFFERS),
+            bases: offered(bases::ReadBases::OFFERS),
         },
         operators: OperatorKind::ALL.iter().map(|kind| kind.name()).collect(),
-        parameters: KIND
-            .iter()
-            .chain(PARAMETERS)
-            .map(|argument| match argument.name {
-                "bases" => Argument { accepts: Accepts::Integer(1, limits.bases_max as u64), ..*argument },
-                _ => *argument,
-            })
-            .map(|argument| ParameterView::from(&argument))
-            .collect(),
-        filters: FilterKind::ALL.iter().map(|kind| kind.name()).collect(),
+        parameters: submission::narrowed(limits.bases_max).iter().map(ParameterView::from).collect(),
+        filters: FilterKind::VARIANTS.to_vec(),
         results: results(),
-        upload_parameters: UPLOAD.iter().map(ParameterView::from).collect(),
+        upload_parameters: parameters::<submission::ReadUpload>(),
         limits: limits.into(),
     })
 }
@@ -255,9 +255,9 @@ impl From<&Limits> for LimitsView {
             disk_floor_bytes: limits.disk_floor,
             keep_jobs_days: limits.keep_jobs_days,
             keep_clouds_days: limits.keep_clouds_days,
-            json_bytes: asked::JSON_BYTES_MAX,
+            json_bytes: request::JSON_BYTES_MAX,
             wait_seconds_max: wait::WAIT_SECONDS_MAX,
-            page_max: paging::PAGE_MAX,
+            page_max: paging::PAGE_MAX as u64,
         }
     }
 }

@@ -1,16 +1,18 @@
 //! What a cloud is called in listings: a name that the client gives, or that of its file.
 
+use crate::arguments::arguments;
 use crate::http::wire::problem::{Kind, Problem};
-use crate::http::wire::query::{Accepts, Argument};
 
-/// What the cloud is called in listings.
-pub(crate) const NAME: &[Argument] = &[Argument {
-    name: "name",
-    alias: Some("file_name"),
-    accepts: Accepts::Text,
-    default: "that of the file: the end of the path, or of the part of a multipart body",
-    meaning: "Name of the cloud in listings, 200 characters at most. Content that is there already keeps its name.",
-}];
+arguments! {
+    /// What the cloud is called in listings.
+    #[derive(Debug, Clone)]
+    pub(crate) struct Naming {
+        /// Name of the cloud in listings, 200 characters at most. Content that is there already keeps its name.
+        #[alias = "file_name"]
+        name: Option<String> = text, absent "that of the file: the end of the path, or of the part of a multipart body";
+    }
+}
+
 /// Characters of a name.
 const NAME_LENGTH_MAX: usize = 200;
 

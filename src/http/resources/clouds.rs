@@ -2,7 +2,7 @@
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::{Extensions, StatusCode, Uri};
+use axum::http::{Extensions, StatusCode};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
@@ -10,17 +10,13 @@ use uuid::Uuid;
 
 use crate::geometry::Sampling;
 use crate::http::notation::{parse_id, timestamp};
-use crate::http::paging::{PAGE_DEFAULT, PAGING};
+use crate::http::paging::Paging;
 use crate::http::service::Shared;
 use crate::http::wire::owners;
 use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::{Nothing, arguments};
+use crate::http::wire::problem_sets::{CloudProblems, QueryProblem};
+use crate::http::wire::query::FromQuery;
 use crate::store::{CloudRecord, FieldRecord, JobState, Page, Store};
-
-arguments!(
-    /// Query of `GET /clouds`.
-    ListClouds = PAGING
-);
 
 /// What is known of a cloud from its upload alone.
 #[derive(Debug, Serialize, ToSchema)]
@@ -137,21 +133,19 @@ pub(crate) struct CloudPage {
     path = "/clouds",
     operation_id = "list_clouds",
     tag = "clouds",
-    params(ListClouds),
+    params(FromQuery<Paging>),
     responses(
         (status = 200, description = "A page.", body = CloudPage),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        QueryProblem,
     )
 )]
 pub(crate) async fn list(
     State(service): State<Shared>,
-    uri: Uri,
+    FromQuery(paging): FromQuery<Paging>,
     extensions: Extensions,
 ) -> Result<Json<CloudPage>, Problem> {
-    let arguments = ListClouds::read(&uri)?;
-    let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
     let owner = owners::owner(&extensions);
-    let Page { items, next } = service.store.clouds(&owner, arguments.id("cursor"), limit).await?;
+    let Page { items, next } = service.store.clouds(&owner, paging.cursor, paging.limit as u32).await?;
     Ok(Json(CloudPage { clouds: items.iter().map(CloudSummary::from).collect(), next }))
 }
 
@@ -164,16 +158,14 @@ pub(crate) async fn list(
     params(("id" = Uuid, Path, description = "The cloud.")),
     responses(
         (status = 200, description = "The cloud.", body = CloudView),
-        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        CloudProblems,
     )
 )]
 pub(crate) async fn show(
     State(service): State<Shared>,
     Path(id): Path<String>,
-    uri: Uri,
+    FromQuery(()): FromQuery<()>,
 ) -> Result<Json<CloudView>, Problem> {
-    Nothing::read(&uri)?;
     let cloud = service.store.cloud(parse_id(&id)?).await?;
     Ok(Json(CloudView::load(&service.store, &cloud).await?))
 }
@@ -187,17 +179,15 @@ pub(crate) async fn show(
     params(("id" = Uuid, Path, description = "The cloud.")),
     responses(
         (status = 204, description = "Deleted."),
-        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
         (status = 409, description = "It has jobs that are not at their end.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        CloudProblems,
     )
 )]
 pub(crate) async fn delete(
     State(service): State<Shared>,
     Path(id): Path<String>,
-    uri: Uri,
+    FromQuery(()): FromQuery<()>,
 ) -> Result<StatusCode, Problem> {
-    Nothing::read(&uri)?;
     service.store.delete_cloud(parse_id(&id)?).await?;
     Ok(StatusCode::NO_CONTENT)
 }

@@ -9,46 +9,33 @@ use serde_json::{Map, Value};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::arguments::arguments;
 use crate::cloud::writer::{Column, encode_rows, npy_header};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::filtered::Target;
 use crate::harmonics::functions::rows_without_result;
-use crate::harmonics::{Energy, Function, Modes, Transformed, transform};
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
-use crate::http::results::functions::{self, BANDS, NumberLists, bands, forward, of_own};
+use crate::harmonics::{Bands, Energy, Function, Modes, Transformed, transform};
+use crate::http::results::functions::{self, NumberLists, forward, of_own};
+use crate::http::results::offered::offered;
 use crate::http::results::per_row::PerRow;
-use crate::http::wire::accept::{JSON, NPY, Offer, PLY};
+use crate::http::results::request::{self, Harmonics, ResultRequest};
+use crate::http::wire::accept::{JSON, NPY, PLY};
 use crate::http::wire::body::IncomingBody;
-use crate::http::wire::download::{self, Download};
-use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::Argument;
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::problem_sets::{BodyProblems, ResultProblems};
 
-/// What coefficients can be had as.
-pub(crate) const OFFERS: [Offer; 2] = [JSON, NPY];
-/// What a synthesis can be had as.
-pub(crate) const SYNTHESIS_OFFERS: [Offer; 3] = [JSON, NPY, PLY];
+/// Arguments of `GET` and `POST /jobs/{id}/coefficients`.
+pub(crate) type ReadCoefficients = Bands;
 
-const ARGUMENTS: &[Argument] = &[asked::format(
-    &["json", "npy"],
-    "by Accept, else json",
-    "Format of the answer: `npy` is an array of bases × functions, without names and energies.",
-)];
+offered!(Bands: [JSON, NPY], "Format of the answer: `npy` is an array of bases × functions, without names and energies.");
 
-const SYNTHESIS_ARGUMENTS: &[Argument] = &[asked::format(
-    &["json", "npy", "ply"],
-    "by Accept, else json",
-    "Format of the answer: `npy` is an array of points × functions; `ply` has the points and one property per function.",
-)];
+arguments! {
+    /// Arguments of `POST /jobs/{id}/synthesis`: none of its own.
+    #[derive(Debug)]
+    pub(crate) struct Synthesize {}
+}
 
-resource!(
-    /// Query of `GET` and `POST /jobs/{id}/coefficients`.
-    ReadCoefficients: OFFERS, ARGUMENTS, BANDS
-);
-resource!(
-    /// Query of `POST /jobs/{id}/synthesis`.
-    Synthesize: SYNTHESIS_OFFERS, SYNTHESIS_ARGUMENTS
-);
+offered!(Synthesize: [JSON, NPY, PLY], "Format of the answer: `npy` is an array of points × functions; `ply` has the points and one property per function.");
 
 /// Functions in the bases.
 #[derive(Debug, Serialize, ToSchema)]
@@ -86,23 +73,26 @@ pub(crate) struct Coefficients {
     get,
     path = "/jobs/{id}/coefficients",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "The job."), ReadCoefficients),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadCoefficients>),
     responses(
         (status = 200, description = "The coefficients.", content((Coefficients = "application/json"), (Vec<u8> = "application/x-npy"))),
         (status = 304, description = "The client's copy is current."),
         ResultProblems,
     )
 )]
-pub(crate) async fn coefficients(asked: Asked<ReadCoefficients>) -> Result<Response, Problem> {
-    let mut harmonics = asked.harmonics().await?;
-    let tag = asked::tag(harmonics.job.id, &bands(&asked.arguments));
-    let store = &asked.service.store;
+pub(crate) async fn coefficients(request: ResultRequest<ReadCoefficients>) -> Result<Response, Problem> {
+    let mut harmonics = request.harmonics().await?;
+    let tag = request::tag(harmonics.job.id, &request.arguments.bands);
+    if let Some(answer) = request.plan(tag.clone(), stem(harmonics.job.id)).without_work() {
+        return Ok(answer);
+    }
+    let store = &request.service.store;
     let cloud = store.load_cloud(harmonics.job.cloud_id).await?;
     let mass = store.mass(harmonics.job.id).await?;
-    let chosen = asked.service.compute.run(move || own_functions(&cloud, mass));
+    let chosen = request.service.compute.run(move || own_functions(&cloud, mass));
     let (given, mass, told) = chosen.await??;
     let (given, found) = of_own(&mut harmonics, given, mass).await?;
-    answer(&asked, harmonics, given, found, told, tag).await
+    answer(&request, harmonics, given, found, told, tag).await
 }
 
 /// Coefficients of posted functions.
@@ -113,34 +103,33 @@ pub(crate) async fn coefficients(asked: Asked<ReadCoefficients>) -> Result<Respo
     post,
     path = "/jobs/{id}/coefficients",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "The job."), ReadCoefficients),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadCoefficients>),
     request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The functions."),
     responses(
         (status = 200, description = "The coefficients.", content((Coefficients = "application/json"), (Vec<u8> = "application/x-npy"))),
-        (status = 400, description = "The body holds no numbers.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
+        BodyProblems,
         ResultProblems,
     )
 )]
 pub(crate) async fn of_posted(
-    mut asked: Asked<ReadCoefficients>,
+    mut request: ResultRequest<ReadCoefficients>,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    let eigen = asked.eigen().await?;
-    let (given, reservation) = functions::receive(&asked.service, body).await?;
+    let eigen = request.eigen().await?;
+    let (given, reservation) = functions::receive(&request.service, body).await?;
     functions::check_length(&given, eigen.0.points as usize)?;
-    let mut harmonics = asked.harmonics_of(eigen, reservation).await?;
-    let mass = asked.service.store.mass(harmonics.job.id).await?;
-    asked.forget_conditions();
+    let mut harmonics = request.harmonics_of(eigen, reservation).await?;
+    let mass = request.service.store.mass(harmonics.job.id).await?;
+    request.forget_conditions();
     let tag = harmonics.job.id.simple().to_string();
-    let checked = asked.service.compute.run(move || {
+    let checked = request.service.compute.run(move || {
         functions::check_finite(&given, &mass)?;
         let told = Told { rows_without_result: rows_without_result(&mass), omitted: BTreeMap::new() };
         Ok::<_, Problem>((given, mass, told))
     });
     let (given, mass, told) = checked.await??;
     let (given, found) = forward(&mut harmonics, given, mass).await?;
-    answer(&asked, harmonics, given, found, told, tag).await
+    answer(&request, harmonics, given, found, told, tag).await
 }
 
 /// What is told beside coefficients.
@@ -165,8 +154,12 @@ fn own_functions(cloud: &PointCloud, mass: Vec<f64>) -> Result<(Vec<Function>, V
     Ok((given, mass, told))
 }
 
+fn stem(job: Uuid) -> String {
+    format!("coefficients-{job}")
+}
+
 async fn answer(
-    asked: &Asked<ReadCoefficients>,
+    request: &ResultRequest<ReadCoefficients>,
     harmonics: Harmonics,
     given: Arc<Vec<Function>>,
     found: Vec<Transformed>,
@@ -174,8 +167,8 @@ async fn answer(
     tag: String,
 ) -> Result<Response, Problem> {
     let Harmonics { job, modes, bases, reservation } = harmonics;
-    let (offer, bands) = (asked.offer, bands(&asked.arguments));
-    let (stem, points) = (format!("coefficients-{}", job.id), bases.rows());
+    let (offer, bands) = (request.offer, request.arguments.bands);
+    let (stem, points) = (stem(job.id), bases.rows());
     let encode = move || {
         if offer == NPY {
             return Ok(npy(&found));
@@ -197,9 +190,8 @@ async fn answer(
         };
         serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
     };
-    let bytes = asked.service.compute.run(encode).await??;
-    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
+    let bytes = request.service.compute.run(encode).await??;
+    request.plan(tag, stem).send(reservation, bytes)
 }
 
 /// Bases × functions, in C order.
@@ -220,21 +212,23 @@ fn npy(found: &[Transformed]) -> Vec<u8> {
     post,
     path = "/jobs/{id}/synthesis",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "The job."), Synthesize),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<Synthesize>),
     request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The coefficients."),
     responses(
         (status = 200, description = "One number per function and row of the upload: in JSON `names`, and `values` with an array per function.", content((Synthesized = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"))),
-        (status = 400, description = "The body holds no numbers.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
+        BodyProblems,
         ResultProblems,
     )
 )]
-pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, body: IncomingBody) -> Result<Response, Problem> {
-    let eigen = asked.eigen().await?;
-    let (given, reservation) = functions::receive(&asked.service, body).await?;
+pub(crate) async fn synthesis(
+    mut request: ResultRequest<Synthesize>,
+    body: IncomingBody,
+) -> Result<Response, Problem> {
+    let eigen = request.eigen().await?;
+    let (given, reservation) = functions::receive(&request.service, body).await?;
     check_coefficients(&given, &Modes::of(&eigen.1))?;
-    let Harmonics { job, bases, reservation, .. } = asked.harmonics_of(eigen, reservation).await?;
-    asked.forget_conditions();
+    let Harmonics { job, bases, reservation, .. } = request.harmonics_of(eigen, reservation).await?;
+    request.forget_conditions();
     let names: Vec<String> = given.iter().map(|function| function.name.clone()).collect();
     let head = Map::from_iter([
         ("job_id".to_owned(), job.id.to_string().into()),
@@ -246,7 +240,7 @@ pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, body: IncomingBody) 
         // coordinates keep their place in PLY: a property of the same name would be read as one
         names: names
             .iter()
-            .map(|name| if asked.offer == PLY { format!("f_{name}") } else { name.clone() })
+            .map(|name| if request.offer == PLY { format!("f_{name}") } else { name.clone() })
             .collect(),
         work: Arc::new(move |block| {
             let lists: Vec<&[f64]> = given.iter().map(|list| list.values.as_slice()).collect();
@@ -258,7 +252,7 @@ pub(crate) async fn synthesis(mut asked: Asked<Synthesize>, body: IncomingBody) 
         stem: "synthesis",
         reservation,
     };
-    per_row.answer(&asked, &job).await
+    per_row.answer(&request, &job).await
 }
 
 fn check_coefficients(given: &[Function], modes: &Modes) -> Result<(), Problem> {
@@ -273,7 +267,7 @@ fn check_coefficients(given: &[Function], modes: &Modes) -> Result<(), Problem> 
             return refuse(format!("has {} coefficients; the job has {available} bases", list.values.len()));
         }
         if let Some(place) = list.values.iter().position(|c| !c.is_finite()) {
-            return refuse(format!("is no finite number at place {place} (counting from 0)"));
+            return refuse(format!("is not a finite number at place {place} (counting from 0)"));
         }
     }
     Ok(())

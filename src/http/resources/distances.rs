@@ -9,50 +9,15 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::signatures::no_scale;
-use crate::harmonics::{Distance, DistanceKind};
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
+use crate::harmonics::{Distance, DistanceKind, DistanceRequest};
+use crate::http::results::offered::offered;
 use crate::http::results::per_row::PerRow;
-use crate::http::wire::accept::{JSON, NPY, Offer, PLY};
-use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument};
+use crate::http::results::request::{self, Harmonics, ResultRequest};
+use crate::http::wire::accept::{JSON, NPY, PLY};
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::problem_sets::{RangeProblem, ResultProblems};
 
-/// What they can be had as.
-pub(crate) const OFFERS: [Offer; 3] = [JSON, NPY, PLY];
-
-pub(crate) const ARGUMENTS: &[Argument] = &[
-    asked::format(
-        &["json", "npy", "ply"],
-        "by Accept, else json",
-        "Format of the answer: `npy` is an array of points; `ply` has the points and the property `distance`.",
-    ),
-    Argument {
-        name: "from",
-        alias: None,
-        accepts: Accepts::Integer(0, u64::MAX),
-        default: "0",
-        meaning: "Row of the upload to measure from, counting from 0.",
-    },
-    Argument {
-        name: "kind",
-        alias: None,
-        accepts: Accepts::Word(&["biharmonic", "diffusion"]),
-        default: "biharmonic",
-        meaning: "Biharmonic distance (a length), or diffusion distance (in 1/length).",
-    },
-    Argument {
-        name: "time",
-        alias: None,
-        accepts: Accepts::Positive,
-        default: "1/√(λ₁ λ_max)",
-        meaning: "Time of the diffusion, in squared units of the cloud.",
-    },
-];
-
-resource!(
-    /// Query of `GET /jobs/{id}/distances`.
-    ReadDistances: OFFERS, ARGUMENTS
-);
+offered!(DistanceRequest: [JSON, NPY, PLY], "Format of the answer: `npy` is an array of points; `ply` has the points and the property `distance`.");
 
 /// Distances as JSON.
 #[derive(Debug, Serialize, ToSchema)]
@@ -80,35 +45,29 @@ pub(crate) struct Distances {
     get,
     path = "/jobs/{id}/distances",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "The job."), ReadDistances),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<DistanceRequest>),
     responses(
         (status = 200, description = "The distances.", content((Distances = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply")), headers(("ETag" = String, description = "Of these bytes."))),
-        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"))),
+        (status = 206, description = "The range request for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"))),
         (status = 304, description = "The client's copy is current."),
-        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        RangeProblem,
         ResultProblems,
     )
 )]
-pub(crate) async fn distances(asked: Asked<ReadDistances>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, reservation } = asked.harmonics().await?;
-    let from = asked.arguments.integer("from").unwrap_or(0);
-    let kind = match asked.arguments.word("kind") {
-        Some("diffusion") => DistanceKind::Diffusion,
-        _ => DistanceKind::Biharmonic,
-    };
-    let time = asked.arguments.number("time");
+pub(crate) async fn distances(request: ResultRequest<DistanceRequest>) -> Result<Response, Problem> {
+    let Harmonics { job, modes, bases, reservation } = request.harmonics().await?;
+    let DistanceRequest { from, kind, time } = request.arguments;
     if time.is_some() && kind == DistanceKind::Biharmonic {
         return Err(Problem::new(Kind::InvalidParameter, "parameter `time` belongs to kind=diffusion")
             .with("parameter", "time"));
     }
-    if from >= bases.rows() as u64 {
+    if from >= bases.rows() {
         return Err(Problem::new(
             Kind::InvalidParameter,
             format!("parameter `from` is a row of the upload, 0 to {}, not {from}", bases.rows() - 1),
         )
         .with("parameter", "from"));
     }
-    let from = from as usize;
     let row = from % bases.block_rows();
     let origin = bases
         .of_block(from / bases.block_rows(), move |block| {
@@ -135,9 +94,9 @@ pub(crate) async fn distances(asked: Asked<ReadDistances>) -> Result<Response, P
         work: Arc::new(move |block| vec![distance.values(block)]),
         bases,
         is_single: true,
-        tag: asked::tag(job.id, &(kind, from, time.map(f64::to_bits))),
+        tag: request::tag(job.id, &(kind, from, time.map(f64::to_bits))),
         stem: kind.name(),
         reservation,
     };
-    per_row.answer(&asked, &job).await
+    per_row.answer(&request, &job).await
 }

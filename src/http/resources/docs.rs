@@ -5,9 +5,9 @@ mod sample;
 use std::fmt::Write as _;
 use std::sync::{LazyLock, OnceLock};
 
-use axum::Extension;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use axum::{Extension, Json};
 use serde_json::Value;
 
 use crate::http::openapi::Description;
@@ -34,12 +34,24 @@ type Described = Extension<&'static LazyLock<Description>>;
 #[utoipa::path(
     get,
     path = "/openapi.yaml",
+    operation_id = "openapi",
     tag = "service",
     responses((status = 200, description = "The document.", body = Object, content_type = "application/yaml"))
 )]
-pub(crate) async fn openapi(Extension(description): Described) -> Result<Response, Problem> {
+pub(crate) async fn openapi_yaml(Extension(description): Described) -> Result<Response, Problem> {
     let yaml = description.yaml.as_ref().map_err(|error| Problem::internal(error))?;
     Ok(([(header::CONTENT_TYPE, "application/yaml")], yaml.as_str()).into_response())
+}
+
+/// This interface as an OpenAPI document, as JSON.
+#[utoipa::path(
+    get,
+    path = "/openapi.json",
+    tag = "service",
+    responses((status = 200, description = "The document.", body = Object, content_type = "application/json"))
+)]
+pub(crate) async fn openapi_json(Extension(description): Described) -> Result<Json<&'static Value>, Problem> {
+    description.json.as_ref().map(Json).map_err(|error| Problem::internal(error))
 }
 
 /// This interface as a page to read.

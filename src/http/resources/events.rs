@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
@@ -17,8 +17,9 @@ use uuid::Uuid;
 use super::jobs::JobView;
 use crate::http::notation::{now, parse_id};
 use crate::http::service::Shared;
-use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::Nothing;
+use crate::http::wire::problem::Problem;
+use crate::http::wire::problem_sets::JobProblems;
+use crate::http::wire::query::FromQuery;
 use crate::store::JobRecord;
 
 /// Pause after which a comment shows that the connection lives.
@@ -57,17 +58,15 @@ pub(crate) struct JobEvent {
     responses(
         (status = 200, description = "The events.", body = JobEvent, content_type = "text/event-stream"),
         (status = 204, description = "The client knows how the job ended."),
-        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        JobProblems,
     )
 )]
 pub(crate) async fn events(
     State(service): State<Shared>,
     Path(id): Path<String>,
-    uri: Uri,
+    FromQuery(()): FromQuery<()>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Nothing::read(&uri)?;
     let id = parse_id(&id)?;
     let known = headers.get("last-event-id").and_then(|value| value.to_str().ok()).map(str::to_owned);
     let jobs = service.store.follow(id).await?;

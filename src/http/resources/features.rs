@@ -7,61 +7,30 @@ use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::arguments::groups;
 use crate::cloud::PointCloud;
-use crate::harmonics::features::{self as salient, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
-use crate::harmonics::{Modes, Surroundings};
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, Harmonics, ResultProblems};
-use crate::http::results::view::{self, VIEW};
-use crate::http::wire::accept::{JSON, Offer, PLY, PNG};
-use crate::http::wire::download::{self, Download};
-use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument};
-use crate::picture::Paint;
+use crate::harmonics::features::{self as salient, Feature, FeatureRequest};
+use crate::harmonics::{Modes, Neighborhoods};
+use crate::http::results::offered::offered;
+use crate::http::results::request::{self, Harmonics, ResultRequest};
+use crate::http::results::view;
+use crate::http::wire::accept::{JSON, PLY, PNG};
+use crate::http::wire::problem::Problem;
+use crate::http::wire::problem_sets::{RangeProblem, ResultProblems};
+use crate::picture::{Paint, View};
 
-/// What they can be had as.
-pub(crate) const OFFERS: [Offer; 3] = [JSON, PLY, PNG];
+groups! {
+    /// Arguments of `GET /jobs/{id}/features`.
+    #[derive(Debug)]
+    pub(crate) struct ReadFeatures {
+        /// Which.
+        features: FeatureRequest,
+        /// Of the picture.
+        view: View,
+    }
+}
 
-pub(crate) const ARGUMENTS: &[Argument] = &[
-    asked::format(
-        &["json", "ply", "png"],
-        "by Accept, else json",
-        "Format of the answer: `ply` has the feature points with `index`, `persistence` and the number of `pairs`; `png` is a picture of the cloud with them.",
-    ),
-    Argument {
-        name: "modes",
-        alias: None,
-        accepts: Accepts::Integer(2, u64::MAX),
-        default: "all",
-        meaning: "Look at the first so many modes only: the lower ones are the more stable.",
-    },
-    Argument {
-        name: "persistence",
-        alias: None,
-        accepts: Accepts::NonNegative,
-        default: "0.1",
-        meaning: "Least persistence of an extremum, as a multiple of a basis' root mean square.",
-    },
-    Argument {
-        name: "radius",
-        alias: None,
-        accepts: Accepts::Positive,
-        default: "2ε",
-        meaning: "Radius of the neighborhoods, in units of the cloud.",
-    },
-    Argument {
-        name: "limit",
-        alias: None,
-        accepts: Accepts::Integer(1, u64::MAX),
-        default: "all",
-        meaning: "Only the so many most persistent feature points.",
-    },
-];
-
-resource!(
-    /// Query of `GET /jobs/{id}/features`.
-    ReadFeatures: OFFERS, ARGUMENTS, VIEW
-);
+offered!(ReadFeatures: [JSON, PLY, PNG] by view, "Format of the answer: `ply` has the feature points with `index`, `persistence` and the number of `pairs`; `png` is a picture of the cloud with them.");
 
 /// Feature points, most persistent first.
 #[derive(Debug, Serialize, ToSchema)]
@@ -94,43 +63,44 @@ pub(crate) struct Features {
     get,
     path = "/jobs/{id}/features",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "The job."), ReadFeatures),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadFeatures>),
     responses(
         (status = 200, description = "The feature points.", content((Features = "application/json"), (Vec<u8> = "application/ply"), (Vec<u8> = "image/png")), headers(("ETag" = String, description = "Of these bytes."))),
         (status = 304, description = "The client's copy is current."),
-        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        RangeProblem,
         ResultProblems,
     )
 )]
-pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, reservation } = asked.harmonics().await?;
-    let arguments = &asked.arguments;
-    let count = arguments.integer("modes").map_or(modes.len(), |count| modes.len().min(count as usize));
-    let persistence = arguments.number("persistence").unwrap_or(PERSISTENCE_MIN);
+pub(crate) async fn features(request: ResultRequest<ReadFeatures>) -> Result<Response, Problem> {
+    let Harmonics { job, modes, bases, reservation } = request.harmonics().await?;
+    let ReadFeatures { features: wanted, view } = request.arguments;
+    let count = wanted.modes(modes.len());
     let epsilon = job.report.as_ref().map_or(0.0, |report| report.sampling.epsilon);
-    let radius = arguments.number("radius").unwrap_or(RADIUS_IN_EPSILON * epsilon);
-    let limit = arguments.integer("limit").map_or(usize::MAX, |limit| limit as usize);
-    let view = view::read(arguments);
-    let drawn = (asked.offer == PNG).then(|| view::key(&view));
-    let tag = asked::tag(job.id, &(count, persistence.to_bits(), radius.to_bits(), limit, drawn));
+    let (persistence, radius) = (wanted.persistence, wanted.radius(epsilon));
+    let limit = wanted.limit.unwrap_or(usize::MAX);
+    let drawn = (request.offer == PNG).then(|| view::key(&view));
+    let tag = request::tag(job.id, &(count, persistence.to_bits(), radius.to_bits(), limit, drawn));
+    let plan = request.plan(tag, format!("features-{}", job.id));
+    if let Some(answer) = plan.without_work() {
+        return Ok(answer);
+    }
 
-    let store = &asked.service.store;
+    let store = &request.service.store;
     let cloud = Arc::new(store.load_cloud(job.cloud_id).await?);
     let mass = store.mass(job.id).await?;
     let rows_without_result = crate::harmonics::functions::rows_without_result(&mass);
     let area: f64 = mass.iter().filter(|mass| !mass.is_nan()).sum();
     let source = Arc::clone(&cloud);
-    let surroundings =
-        asked.service.compute.run(move || Surroundings::find(&source, &mass, radius)).await??;
-    let surroundings = Arc::new(surroundings);
-    let around = Arc::clone(&surroundings);
+    let neighborhoods =
+        request.service.compute.run(move || Neighborhoods::find(&source, &mass, radius)).await??;
+    let neighborhoods = Arc::new(neighborhoods);
+    let around = Arc::clone(&neighborhoods);
     let first = modes.zero_modes().min(count);
     let extrema =
         bases.map_columns(first..count, move |basis| salient::extrema(basis, &around, area)).await?;
 
-    let offer = asked.offer;
-    let answer = Answer { cloud, surroundings, modes, first, count, persistence, limit };
-    let stem = format!("features-{}", job.id);
+    let offer = request.offer;
+    let answer = Answer { cloud, neighborhoods, modes, first, count, persistence, limit };
     let (job_id, cloud_id) = (job.id, job.cloud_id);
     let encode = move || {
         let found = answer.places(&extrema);
@@ -154,15 +124,13 @@ pub(crate) async fn features(asked: Asked<ReadFeatures>) -> Result<Response, Pro
         };
         serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
     };
-    let bytes = asked.service.compute.run(encode).await??;
-    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
+    plan.send(reservation, request.service.compute.run(encode).await??)
 }
 
 /// What the extrema are looked at with.
 struct Answer {
     cloud: Arc<PointCloud>,
-    surroundings: Arc<Surroundings>,
+    neighborhoods: Arc<Neighborhoods>,
     modes: Modes,
     first: usize,
     count: usize,
@@ -172,8 +140,8 @@ struct Answer {
 
 impl Answer {
     fn places(&self, extrema: &[Vec<salient::Extremum>]) -> Vec<Feature> {
-        let mut places = salient::features(extrema, self.first, &self.surroundings, self.persistence);
+        let mut places = salient::features(extrema, self.first, &self.neighborhoods, self.persistence);
         places.truncate(self.limit);
-        places.iter().map(|place| place.in_cloud(&self.surroundings, &self.cloud)).collect()
+        places.iter().map(|place| place.in_cloud(&self.neighborhoods, &self.cloud)).collect()
     }
 }

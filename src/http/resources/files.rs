@@ -1,72 +1,61 @@
 //! Results under file names, for `curl -O`: `/jobs/{id}/bases.npy` is `/jobs/{id}/bases?format=npy`.
 
-use axum::extract::{Path, State};
-use axum::http::{Extensions, HeaderMap, Method, Uri};
+use std::future::Future;
+
+use axum::extract::{Request, State};
 use axum::response::Response;
+use axum::routing::get;
+use utoipa_axum::router::OpenApiRouter;
 
 use super::{bases, coefficients, distances, features, filtered, operator, signatures, spectrum};
-use crate::http::results::asked::Asked;
+use crate::http::results::offered::Resource;
+use crate::http::results::request::ResultRequest;
 use crate::http::service::Shared;
-use crate::http::wire::owners;
-use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
+use crate::http::wire::accept::Offer;
+use crate::http::wire::problem::Problem;
 
-/// Answers the request for `$file` by the handler of its resource, if there is such a file.
-macro_rules! dispatch {
-    ($service:expr, $id:expr, $file:expr, $request:expr; $($name:literal => $respond:path),+ $(,)?) => {{
-        let (resource, ending) = $file.split_once('.').unwrap_or((&$file, ""));
-        match resource {
-            $($name => match Asked::as_file(&$service, &$id, ending, $request)? {
-                Some(asked) => Some($respond(asked).await),
-                None => None,
-            },)+
-            _ => None,
-        }
-    }};
+/// Results that have file names, by the last part of their path, with their formats.
+pub(crate) fn named() -> Vec<(&'static str, &'static [Offer])> {
+    routes().1
 }
 
-/// A result under a file name.
-///
-/// The same as the resource without the ending, with `?format=`: `bases.json`, `bases.npy`, `bases.ply`,
-/// `bases.npz`, `bases.csv`, `spectrum.json`, `spectrum.csv`, `operator.json`, `operator.mtx`, `operator.npz`. It takes the same query.
-#[utoipa::path(
-    get,
-    path = "/jobs/{id}/{file}",
-    operation_id = "result_file",
-    tag = "results",
-    params(
-        ("id" = Uuid, Path, description = "The job."),
-        ("file" = String, Path, description = "Name of the result with the format as its ending, such as `bases.npy`."),
-    ),
-    responses(
-        (status = 200, description = "The file.", body = Vec<u8>, content_type = "*/*"),
-        (status = 206, description = "The range asked for.", body = Vec<u8>, content_type = "*/*"),
-        (status = 304, description = "The client's copy is current."),
-        (status = "4XX", description = "As for the resource without the ending.", body = ProblemDocument, content_type = "application/problem+json"),
-    )
-)]
-pub(crate) async fn file(
-    State(service): State<Shared>,
-    Path((id, file)): Path<(String, String)>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-    extensions: Extensions,
-) -> Result<Response, Problem> {
-    let owner = owners::owner(&extensions);
-    let answer = dispatch!(service, id, file, (&method, &uri, &headers, &owner);
-        "bases" => bases::bases,
-        "spectrum" => spectrum::spectrum,
-        "operator" => operator::operator,
-        "coefficients" => coefficients::coefficients,
-        "filtered" => filtered::filtered,
-        "features" => features::features,
-        "signatures" => signatures::signatures,
-        "distances" => distances::distances,
-    );
-    answer.unwrap_or_else(|| {
-        Err(Problem::new(
-            Kind::NotFound,
-            format!("there is no result `{file}`; GET /jobs/{id} links those there are"),
-        ))
-    })
+/// The routes of all files.
+pub(crate) fn router() -> OpenApiRouter<Shared> {
+    routes().0
+}
+
+type Routes = (OpenApiRouter<Shared>, Vec<(&'static str, &'static [Offer])>);
+
+fn routes() -> Routes {
+    let routes = Routes::default();
+    let routes = add(routes, "bases", bases::bases);
+    let routes = add(routes, "spectrum", spectrum::spectrum);
+    let routes = add(routes, "operator", operator::operator);
+    let routes = add(routes, "coefficients", coefficients::coefficients);
+    let routes = add(routes, "filtered", filtered::filtered);
+    let routes = add(routes, "features", features::features);
+    let routes = add(routes, "signatures", signatures::signatures);
+    add(routes, "distances", distances::distances)
+}
+
+/// A route for each format of a resource, answered by the resource's own handler.
+fn add<R, F, Answer>((mut router, mut named): Routes, name: &'static str, handler: F) -> Routes
+where
+    R: Resource + Send + Sync,
+    F: Fn(ResultRequest<R>) -> Answer + Clone + Send + Sync + 'static,
+    Answer: Future<Output = Result<Response, Problem>> + Send + 'static,
+{
+    for &offer in R::OFFERS {
+        let handler = handler.clone();
+        let file = move |State(service): State<Shared>, request: Request| {
+            let handler = handler.clone();
+            async move {
+                let (mut parts, _) = request.into_parts();
+                handler(ResultRequest::of_file(&mut parts, &service, offer).await?).await
+            }
+        };
+        router = router.route(&format!("/jobs/{{id}}/{name}.{}", offer.name), get(file));
+    }
+    named.push((name, R::OFFERS));
+    (router, named)
 }

@@ -8,104 +8,78 @@ use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use super::points;
-use crate::cloud::writer::{Column, PlyEncoding, encode_rows, npy_header};
+use crate::arguments::{arguments, groups};
+use crate::cloud::writer::{Column, encode_rows, npy_header};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::collapse::collapse;
-use crate::harmonics::filtered::{self as filtering, Change, Target};
+use crate::harmonics::filtered::rows as rows_of;
+use crate::harmonics::filtered::{Change, Named, Target};
 use crate::harmonics::functions::rows_without_result;
-use crate::harmonics::{Filter, FilterKind, Scale, Transfer};
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, Harmonics, Resource, ResultProblems};
-use crate::http::results::cloud_file;
-use crate::http::results::functions::{self, BANDS, NumberLists, bands, of_own};
-use crate::http::results::view::{self, VIEW};
+use crate::harmonics::{Bands, Filter, Transfer};
+use crate::http::results::cloud_file::{self, Encoding, Ply, Rows, Unplaced};
+use crate::http::results::functions::{self, NumberLists, of_own};
+use crate::http::results::offered::{Resource, offered};
+use crate::http::results::request::{self, Harmonics, ResultRequest};
+use crate::http::results::view;
 use crate::http::wire::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, OBJ, OFF, Offer, PCD, PLY, PNG, STL, XYZ};
 use crate::http::wire::body::IncomingBody;
-use crate::http::wire::download::{self, Download};
-use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Arguments};
+use crate::http::wire::download;
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::problem_sets::{BodyProblems, RangeProblem, ResultProblems};
 use crate::jobs::Wanted;
 use crate::picture::{Paint, View};
 
-/// What it can be had as.
-pub(crate) const OFFERS: [Offer; 13] = [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG];
-
-const fn number(name: &'static str, default: &'static str, meaning: &'static str) -> Argument {
-    Argument { name, alias: None, accepts: Accepts::NonNegative, default, meaning }
+groups! {
+    /// What is filtered, and how it is answered.
+    #[derive(Debug)]
+    pub(crate) struct Filtering {
+        /// What.
+        named: Named,
+        /// How energies are summed.
+        bands: Bands,
+        /// How PLY is written.
+        ply: Ply,
+        /// Rows without a position.
+        rows: Rows,
+        /// Of the picture.
+        view: View,
+    }
 }
 
-/// Which filter.
-pub(crate) const FILTER: &[Argument] = &[
-    Argument {
-        name: "filter",
-        alias: Some("kind"),
-        accepts: Accepts::Word(&["low-pass", "high-pass", "band-pass", "band-stop", "enhance", "heat"]),
-        default: "low-pass",
-        meaning: "What the filter does: `low-pass` keeps what lies below the cut-off, `high-pass` what lies above; `band-pass` keeps what lies between two edges, `band-stop` removes it, `enhance` multiplies it by a gain; `heat` smooths by exp(−sλ).",
-    },
-    Argument {
-        name: "by",
-        alias: Some("unit"),
-        accepts: Accepts::Word(&["mode", "frequency", "wavelength"]),
-        default: "mode",
-        meaning: "In what edges are given: number of a mode, counting from 0; frequency √λ in 1/length; or wavelength 2π/√λ in units of the cloud.",
-    },
-    number(
-        "cutoff",
-        "the whole span of the bases",
-        "The edge of low-pass and high-pass: what lies at it is above it. For heat, where the gain has fallen to 1/e.",
-    ),
-    number(
-        "from",
-        "the lowest mode",
-        "Lower edge of a band, itself inside. Of two wavelengths, the longer one.",
-    ),
-    number("to", "no upper edge", "Upper edge of a band, itself outside."),
-    number("gain", "2", "Factor on the band of `enhance`."),
-    number("time", "from cutoff", "Time s of `heat`, in squared units of the cloud."),
-    Argument {
-        name: "taper",
-        alias: None,
-        accepts: Accepts::Range(0.0, 1.0),
-        default: "0",
-        meaning: "Width of the transition around every edge, as a share of its frequency, against ringing.",
-    },
-];
+groups! {
+    /// Arguments of `GET /jobs/{id}/filtered`.
+    #[derive(Debug)]
+    pub(crate) struct ReadFiltered {
+        /// By which filter.
+        filter: Filter,
+        /// What, and how it is answered.
+        filtering: Filtering,
+    }
+}
 
-/// What is filtered, and how it is answered.
-pub(crate) const TARGET: &[Argument] = &[
-    Argument {
-        name: "outside",
-        alias: None,
-        accepts: Accepts::NonNegative,
-        default: "what the filter does at the highest frequencies",
-        meaning: "Factor on what lies outside of the span of the bases: 0 drops it, 1 keeps it.",
-    },
-    Argument {
-        name: "field",
-        alias: Some("fields"),
-        accepts: Accepts::Text,
-        default: "the coordinates",
-        meaning: "Filter this field of the upload in place of the coordinates; several are separated by commas.",
-    },
-    asked::format(
-        &["ply", "json", "npy", "npz", "csv", "xyz", "las", "laz", "pcd", "obj", "off", "stl", "png"],
-        "by Accept, else ply",
-        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz`, `pcd`, `obj`, `off` and `stl` are the upload with the filtered numbers in place, as far as the format holds it; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, colored by the first field that was filtered.",
-    ),
-    points::ENCODING,
-    points::NONFINITE,
-];
+arguments! {
+    /// What lies outside of posted gains.
+    #[derive(Debug)]
+    pub(crate) struct Outside {
+        /// Factor on what lies outside of the span of the bases, and on the modes behind the end of the list: 0 drops it, 1
+        /// keeps it.
+        outside: f64 = nonnegative, default 0.0;
+    }
+}
 
-resource!(
-    /// Query of `GET /jobs/{id}/filtered`.
-    ReadFiltered: OFFERS, FILTER, TARGET, BANDS, VIEW
-);
-resource!(
-    /// Query of `POST /jobs/{id}/filtered`.
-    FilterByGains: OFFERS, TARGET, BANDS, VIEW
-);
+groups! {
+    /// Arguments of `POST /jobs/{id}/filtered`.
+    #[derive(Debug)]
+    pub(crate) struct FilterByGains {
+        /// Beyond the gains.
+        outside: Outside,
+        /// What, and how it is answered.
+        filtering: Filtering,
+    }
+}
+
+offered!(ReadFiltered: [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG] by filtering.view, "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz`, `pcd`, `obj`, `off` and `stl` are the upload with the filtered numbers in place, as far as the format holds it; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, colored by the first field that was filtered.");
+offered!(FilterByGains: [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG] by filtering.view, "Format of the answer, as for GET.");
 
 /// A filtered cloud as JSON.
 #[derive(Debug, Serialize, ToSchema)]
@@ -145,20 +119,20 @@ pub(crate) struct Filtered {
     get,
     path = "/jobs/{id}/filtered",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "The job."), ReadFiltered),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadFiltered>),
     responses(
         (status = 200, description = "The filtered cloud.", content((Vec<u8> = "application/ply"), (Filtered = "application/json"), (Vec<u8> = "application/x-npy")), headers(("ETag" = String, description = "Of these bytes."))),
-        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
+        (status = 206, description = "The range request for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
         (status = 304, description = "The client's copy is current."),
-        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
+        RangeProblem,
         ResultProblems,
     )
 )]
-pub(crate) async fn filtered(asked: Asked<ReadFiltered>) -> Result<Response, Problem> {
-    let harmonics = asked.harmonics().await?;
-    let filter = read_filter(&asked.arguments);
+pub(crate) async fn filtered(request: ResultRequest<ReadFiltered>) -> Result<Response, Problem> {
+    let harmonics = request.harmonics().await?;
+    let ReadFiltered { filter, filtering } = &request.arguments;
     let transfer = filter.transfer(&harmonics.modes)?;
-    answer(&asked, harmonics, transfer, filter.describe()).await
+    answer(&request, filtering, harmonics, transfer, filter.describe()).await
 }
 
 /// The upload filtered by a list of gains, one per mode.
@@ -169,76 +143,56 @@ pub(crate) async fn filtered(asked: Asked<ReadFiltered>) -> Result<Response, Pro
     post,
     path = "/jobs/{id}/filtered",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "The job."), FilterByGains),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<FilterByGains>),
     request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The gains."),
     responses(
         (status = 200, description = "The filtered cloud.", content((Vec<u8> = "application/ply"), (Filtered = "application/json"), (Vec<u8> = "application/x-npy"))),
-        (status = 400, description = "The body holds no numbers.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
+        BodyProblems,
         ResultProblems,
     )
 )]
 pub(crate) async fn by_gains(
-    mut asked: Asked<FilterByGains>,
+    mut request: ResultRequest<FilterByGains>,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    let eigen = asked.eigen().await?;
-    let (mut lists, reservation) = functions::receive(&asked.service, body).await?;
+    let eigen = request.eigen().await?;
+    let (mut lists, reservation) = functions::receive(&request.service, body).await?;
     if lists.len() != 1 {
         return Err(Problem::new(
             Kind::MalformedRequest,
             format!("the body holds {} lists; send one list of gains, as in [1, 1, 0.5]", lists.len()),
         ));
     }
-    asked.forget_conditions();
-    let harmonics = asked.harmonics_of(eigen, reservation).await?;
-    let outside = asked.arguments.number("outside").unwrap_or(0.0);
-    let transfer = Transfer::from_gains(lists.swap_remove(0).values, outside, &harmonics.modes)?;
-    answer(&asked, harmonics, transfer, "gains as given".to_owned()).await
-}
-
-fn read_filter(arguments: &Arguments) -> Filter {
-    let number = |name| arguments.number(name);
-    Filter {
-        kind: arguments.word("filter").and_then(FilterKind::from_name).unwrap_or_default(),
-        by: arguments.word("by").and_then(Scale::from_name).unwrap_or_default(),
-        cutoff: number("cutoff"),
-        from: number("from"),
-        to: number("to"),
-        gain: number("gain"),
-        time: number("time"),
-        taper: number("taper").unwrap_or(0.0),
-        outside: number("outside"),
-    }
+    request.forget_conditions();
+    let harmonics = request.harmonics_of(eigen, reservation).await?;
+    let FilterByGains { outside: Outside { outside }, filtering } = &request.arguments;
+    let transfer = Transfer::from_gains(lists.swap_remove(0).values, *outside, &harmonics.modes)?;
+    answer(&request, filtering, harmonics, transfer, "gains as given".to_owned()).await
 }
 
 async fn answer<R: Resource>(
-    asked: &Asked<R>,
+    request: &ResultRequest<R>,
+    filtering: &Filtering,
     mut harmonics: Harmonics,
     transfer: Transfer,
     description: String,
 ) -> Result<Response, Problem> {
-    let Asked { service, offer, arguments, .. } = asked;
-    let cloud = Arc::new(service.store.load_cloud(harmonics.job.cloud_id).await?);
-    let names: Vec<&str> = arguments
-        .word("field")
-        .unwrap_or_default()
-        .split(',')
-        .map(str::trim)
-        .filter(|n| !n.is_empty())
-        .collect();
-    let target = Target::named(&cloud, &names)?;
-    let columns = if target == Target::Coordinates { cloud.dimension() } else { names.len() };
-    asked.refuse_large_json((cloud.len() * columns) as u64)?;
-    let ascii = arguments.word("encoding") == Some("ascii");
-    let omits = arguments.word("nonfinite") == Some("omit");
-    let view = view::read(arguments);
-    let bands = bands(arguments);
+    let ResultRequest { service, offer, .. } = request;
+    let Filtering { named: Named { field: names }, bands, ply, rows, view } = filtering;
+    let (bands, encoding, view) = (bands.bands, ply.encoding, *view);
+    let omits = rows.nonfinite == Unplaced::Omit;
     let drawn = (*offer == PNG).then(|| view::key(&view));
     let determined =
-        (&names, (ascii, omits), bands, transfer.outside.to_bits(), &transfer.gains, &description, drawn);
-    let tag = asked::tag(harmonics.job.id, &determined);
-
+        (names, (encoding, omits), bands, transfer.outside.to_bits(), &transfer.gains, &description, drawn);
+    let tag = request::tag(harmonics.job.id, &determined);
+    let plan = request.plan(tag, format!("filtered-{}", harmonics.job.id));
+    if let Some(answer) = plan.without_work() {
+        return Ok(answer);
+    }
+    let cloud = Arc::new(service.store.load_cloud(harmonics.job.cloud_id).await?);
+    let target = Target::named(&cloud, names)?;
+    let columns = if target == Target::Coordinates { cloud.dimension() } else { names.len() };
+    request.refuse_large_json((cloud.len() * columns) as u64)?;
     let mass = service.store.mass(harmonics.job.id).await?;
     let (source, chosen) = (Arc::clone(&cloud), target.clone());
     let choose = move || (chosen.functions(&source, &mass), rows_without_result(&mass), mass);
@@ -252,10 +206,8 @@ async fn answer<R: Resource>(
         .map(|(function, found)| (function.name.clone(), Change::of(found, &transfer, bands)))
         .collect();
     let (applied, source) = (transfer.clone(), Arc::clone(&given));
-    let blocks = bases
-        .first(transfer.reach())
-        .map(move |block| filtering::rows(block, &source, &found, &applied))
-        .await?;
+    let blocks =
+        bases.first(transfer.reach()).map(move |block| rows_of(block, &source, &found, &applied)).await?;
 
     let mut head = Filtered {
         job_id: job.id,
@@ -283,14 +235,11 @@ async fn answer<R: Resource>(
             _ => {
                 let replaced = target.replaced(&cloud, &columns)?;
                 let replaced = if omits { replaced.without_nonfinite()? } else { replaced };
-                file(&replaced, offer, ascii, (&head, &description), wanted)
+                file(&replaced, offer, encoding, (&head, &description), wanted)
             }
         }
     };
-    let bytes = service.compute.run_while_wanted(encode).await??;
-    let stem = format!("filtered-{}", job.id);
-    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
+    plan.send(reservation, service.compute.run_while_wanted(encode).await??)
 }
 
 /// The columns of all blocks one behind another.
@@ -341,11 +290,10 @@ fn picture(cloud: &PointCloud, target: &Target, view: &View, description: &str) 
 fn file(
     cloud: &PointCloud,
     offer: Offer,
-    ascii: bool,
+    encoding: Encoding,
     (head, description): (&Filtered, &str),
     wanted: &Wanted,
 ) -> Result<Vec<u8>, Problem> {
-    let encoding = if ascii { PlyEncoding::Ascii } else { PlyEncoding::BinaryLittleEndian };
     let told = head.warnings.iter().map(|warning| format!("warning: {warning}"));
     let comment = format!(
         "chladni job {}: {description}; outside of the {} bases x {}; {} rows without a result unchanged",
@@ -356,19 +304,4 @@ fn file(
     );
     let comments: Vec<String> = std::iter::once(comment).chain(told).collect();
     cloud_file::encode(cloud, offer, encoding, &comments, wanted)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_tables_offer_exactly_the_filters_and_scales_that_exist() {
-        let words = |name| match FILTER.iter().find(|argument| argument.name == name).unwrap().accepts {
-            Accepts::Word(words) => words.to_vec(),
-            other => panic!("{other:?}"),
-        };
-        assert_eq!(words("filter"), FilterKind::ALL.map(FilterKind::name));
-        assert_eq!(words("by"), Scale::ALL.map(Scale::name));
-    }
 }

@@ -1,27 +1,27 @@
 //! `GET /jobs/{id}/bases/{basis}/image.png`: the cloud colored by one of its bases.
 
-use axum::extract::{Path, State};
-use axum::http::{Extensions, HeaderMap, Method, Uri};
+use axum::extract::Path;
 use axum::response::Response;
 
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Resource, ResultProblems};
-use crate::http::results::view::{self, VIEW};
-use crate::http::service::Shared;
-use crate::http::wait;
-use crate::http::wire::accept::{self, Offer, PNG};
-use crate::http::wire::download::{self, Download};
-use crate::http::wire::owners;
+use crate::arguments::groups;
+use crate::http::results::offered::offered;
+use crate::http::results::request::{self, ResultRequest};
+use crate::http::results::view;
+use crate::http::wire::accept::PNG;
 use crate::http::wire::problem::{Kind, Problem};
-use crate::picture::{Legend, Paint, legend_of_basis};
+use crate::http::wire::problem_sets::ResultProblems;
+use crate::picture::{Legend, Paint, View, legend_of_basis};
 
-/// What it can be had as.
-pub(crate) const OFFERS: [Offer; 1] = [PNG];
-
-resource!(
+groups! {
     /// Query of `GET /jobs/{id}/bases/{basis}/image.png`.
-    ReadImage: OFFERS, VIEW
-);
+    #[derive(Debug)]
+    pub(crate) struct ReadImage {
+        /// Of the picture.
+        view: View,
+    }
+}
+
+offered!(ReadImage: [PNG] by view, "A picture.");
 
 /// A picture of a basis.
 ///
@@ -34,7 +34,7 @@ resource!(
     params(
         ("id" = Uuid, Path, description = "The job."),
         ("basis" = u64, Path, description = "Index of the basis, from 0."),
-        ReadImage,
+        ResultRequest<ReadImage>,
     ),
     responses(
         (status = 200, description = "The picture.", body = Vec<u8>, content_type = "image/png", headers(("ETag" = String, description = "Of these bytes."))),
@@ -43,17 +43,10 @@ resource!(
     )
 )]
 pub(crate) async fn image(
-    State(service): State<Shared>,
-    Path((id, basis)): Path<(String, String)>,
-    method: Method,
-    uri: Uri,
-    headers: HeaderMap,
-    extensions: Extensions,
+    Path((_id, basis)): Path<(String, String)>,
+    request: ResultRequest<ReadImage>,
 ) -> Result<Response, Problem> {
-    let arguments = ReadImage::arguments(&uri)?;
-    let offer = accept::choose(None, &headers, &OFFERS)?;
-    let job = wait::finished(&service, &id, wait::wait(&arguments)).await?;
-    let (job, spectrum) = asked::of_eigen(job)?;
+    let (job, spectrum) = request.eigen().await?;
     let available = spectrum.eigenvalues.len();
     let index = basis.parse().ok().filter(|index| *index < available).ok_or_else(|| {
         let shown: String = basis.chars().take(20).collect();
@@ -63,11 +56,15 @@ pub(crate) async fn image(
         )
         .with("available", available)
     })?;
-    let view = view::read(&arguments);
-    let tag = asked::tag(job.id, &("image", index, view::key(&view)));
+    let (view, service) = (request.arguments.view, &request.service);
+    let tag = request::tag(job.id, &("image", index, view::key(&view)));
+    let plan = request.plan(tag, format!("basis-{index}-{}", job.id));
+    if let Some(answer) = plan.without_work() {
+        return Ok(answer);
+    }
     let record = service.store.cloud(job.cloud_id).await?;
     let bytes = record.bytes() + 8 * record.points + view::bytes(&view, record.points);
-    let reservation = service.memory.reserve(owners::owner(&extensions), bytes).await?;
+    let reservation = request.reserve(bytes).await?;
     let cloud = service.store.load_cloud(job.cloud_id).await?;
     let values = service.store.basis(job.id, index).await?;
     let title = format!("basis {index} of job {}", job.id);
@@ -76,8 +73,5 @@ pub(crate) async fn image(
         let legend = Legend { title: &shown, unit: "1/length" };
         view::png_with(&cloud, &Paint::Diverging(&values), &[], &view, (&title, &legend))
     };
-    let bytes = service.compute.run(draw).await??;
-    let stem = format!("basis-{index}-{}", job.id);
-    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&method, &headers, reservation, |span| download::part(bytes, span))
+    plan.send(reservation, service.compute.run(draw).await??)
 }

@@ -15,6 +15,11 @@ use crate::http::wire::accept::{self, HTML, JSON};
 use crate::http::wire::owners;
 use crate::http::wire::problem::Problem;
 
+/// Where clients find the description of this interface (RFC 8631).
+const LINKS: &str = "</openapi.json>; rel=\"service-desc\"; type=\"application/json\", \
+     </openapi.yaml>; rel=\"service-desc\"; type=\"application/yaml\", \
+     </docs>; rel=\"service-doc\"; type=\"text/html\"";
+
 /// The way in.
 #[derive(Debug, Serialize, ToSchema)]
 pub(crate) struct Index {
@@ -52,6 +57,7 @@ pub(crate) async fn index(
     } else {
         links().into_response()
     };
+    response.headers_mut().insert(header::LINK, HeaderValue::from_static(LINKS));
     response.headers_mut().insert(header::VARY, HeaderValue::from_static("accept"));
     Ok(response)
 }

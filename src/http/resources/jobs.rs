@@ -1,11 +1,10 @@
 //! Jobs: listing, showing, waiting, canceling, deleting.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -14,12 +13,14 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::analysis::JobKind;
+use crate::arguments::{arguments, groups};
 use crate::http::notation::{now, parse_id, timestamp};
-use crate::http::paging::{PAGE_DEFAULT, PAGING};
+use crate::http::paging::Paging;
 use crate::http::service::Shared;
-use crate::http::wait::{WAIT, settled};
+use crate::http::wait::{Wait, settled};
 use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Nothing, arguments};
+use crate::http::wire::problem_sets::{JobProblems, QueryProblem};
+use crate::http::wire::query::FromQuery;
 use crate::http::wire::retry;
 use crate::http::wire::{download, owners};
 use crate::progress::Phase;
@@ -28,31 +29,29 @@ use crate::store::{JobRecord, JobState, Page};
 /// Share of the work below which no end is foretold.
 const FORESEEABLE_FROM: f64 = 0.02;
 
-const FILTERS: &[Argument] = &[
-    Argument {
-        name: "state",
-        alias: None,
-        accepts: Accepts::Word(&["queued", "running", "succeeded", "failed", "canceled"]),
-        default: "all",
-        meaning: "Only jobs in this state.",
-    },
-    Argument {
-        name: "cloud",
-        alias: Some("cloud_id"),
-        accepts: Accepts::Id,
-        default: "all",
-        meaning: "Only jobs on this cloud.",
-    },
-];
+arguments! {
+    /// Which jobs are listed.
+    #[derive(Debug)]
+    pub(crate) struct Selection {
+        /// Only jobs in this state.
+        state: Option<JobState> = word(JobState), absent "all";
+        /// Only jobs on this cloud.
+        #[alias = "cloud_id"]
+        cloud: Option<Uuid> = id(Uuid), absent "all";
+    }
+}
 
-arguments!(
+groups! {
     /// Query of `GET /jobs`.
-    ListJobs = FILTERS, PAGING
-);
-arguments!(
-    /// Query of `GET /jobs/{id}`.
-    ShowJob = WAIT
-);
+    #[derive(Debug)]
+    pub(crate) struct ListJobs {
+        /// Which.
+        selection: Selection,
+        /// By pages.
+        paging: Paging,
+    }
+}
+
 /// A job as the interface shows it.
 #[derive(Debug, Serialize, ToSchema)]
 #[schema(as = Job)]
@@ -141,20 +140,12 @@ fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> 
     Some((seconds * 10.0).round() / 10.0)
 }
 
-/// Those submitted, overlaid with those that the analysis derived from the cloud.
+/// The parameters as used, as far as they are known.
 fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
-    let mut used = job.parameters.clone();
-    if let Some(report) = &job.report {
-        used.epsilon = Some(report.sampling.epsilon);
-        used.t = report.heat_kernel.map(|kernel| kernel.t);
-        used.delta = report.heat_kernel.map(|kernel| kernel.delta).or(used.delta);
-        used.isometric_cells = Some(report.additions.isometric_cells);
-        used.truncation_compensation = Some(report.additions.truncation_compensation);
-        used.sheet_aware = Some(report.additions.sheet_aware);
-        used.surface_distances = Some(report.additions.surface_distances);
-        used.moment_calibration = Some(report.additions.moment_calibration);
-        used.heat_correction = Some(report.additions.heat_correction);
-    }
+    let used = match &job.report {
+        Some(report) => job.parameters.as_used(report),
+        None => job.parameters.clone(),
+    };
     match serde_json::to_value(&used) {
         Ok(Value::Object(used)) => used,
         _ => Map::new(),
@@ -199,22 +190,20 @@ pub(crate) struct JobPage {
     path = "/jobs",
     operation_id = "list_jobs",
     tag = "jobs",
-    params(ListJobs),
+    params(FromQuery<ListJobs>),
     responses(
         (status = 200, description = "A page.", body = JobPage),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        QueryProblem,
     )
 )]
 pub(crate) async fn list(
     State(service): State<Shared>,
-    uri: Uri,
+    FromQuery(ListJobs { selection, paging }): FromQuery<ListJobs>,
     extensions: Extensions,
 ) -> Result<Json<JobPage>, Problem> {
-    let arguments = ListJobs::read(&uri)?;
-    let state = arguments.word("state").and_then(|word| serde_json::from_value(word.into()).ok());
-    let limit = arguments.integer("limit").unwrap_or(PAGE_DEFAULT) as u32;
     let owner = owners::owner(&extensions);
-    let (cloud, cursor) = (arguments.id("cloud"), arguments.id("cursor"));
+    let Selection { state, cloud } = selection;
+    let (cursor, limit) = (paging.cursor, paging.limit as u32);
     let Page { items, next } = service.store.jobs(&owner, state, cloud, cursor, limit).await?;
     let now = now();
     Ok(Json(JobPage { jobs: items.iter().map(|job| JobView::new(job, now)).collect(), next }))
@@ -228,23 +217,20 @@ pub(crate) async fn list(
     path = "/jobs/{id}",
     operation_id = "show_job",
     tag = "jobs",
-    params(("id" = Uuid, Path, description = "The job."), ShowJob),
+    params(("id" = Uuid, Path, description = "The job."), FromQuery<Wait>),
     responses(
         (status = 200, description = "The job.", body = JobView, headers(("Retry-After" = u64, description = "Seconds, while the job is not at its end."), ("ETag" = String, description = "Of this very state."))),
         (status = 304, description = "The client's copy is current."),
-        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        JobProblems,
     )
 )]
 pub(crate) async fn show(
     State(service): State<Shared>,
     Path(id): Path<String>,
-    uri: Uri,
+    FromQuery(wait): FromQuery<Wait>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let arguments = ShowJob::read(&uri)?;
-    let wait = Duration::from_secs(arguments.integer("wait").unwrap_or(0));
-    let job = settled(&service, parse_id(&id)?, wait).await?;
+    let job = settled(&service, parse_id(&id)?, wait.time()).await?;
     let body = serde_json::to_vec(&JobView::new(&job, now())).map_err(|error| Problem::internal(&error))?;
     let etag = format!("\"{}\"", Uuid::from_slice(&Sha256::digest(&body)[..16]).unwrap_or_default().simple());
     let mut response = if download::is_known(&headers, &etag) {
@@ -252,10 +238,7 @@ pub(crate) async fn show(
     } else {
         ([(header::CONTENT_TYPE, "application/json")], body).into_response()
     };
-    if let Ok(etag) = HeaderValue::from_str(&etag) {
-        response.headers_mut().insert(header::ETAG, etag);
-    }
-    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    download::validate(&mut response, &etag);
     if !job.state.is_terminal() {
         response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry::JOB_SECONDS));
     }
@@ -274,16 +257,14 @@ pub(crate) async fn show(
     responses(
         (status = 200, description = "It has ended, canceled or otherwise.", body = JobView),
         (status = 202, description = "It will end soon.", body = JobView),
-        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        JobProblems,
     )
 )]
 pub(crate) async fn cancel(
     State(service): State<Shared>,
     Path(id): Path<String>,
-    uri: Uri,
+    FromQuery(()): FromQuery<()>,
 ) -> Result<Response, Problem> {
-    Nothing::read(&uri)?;
     let job = service.store.request_cancel(parse_id(&id)?).await?;
     let status = if job.state.is_terminal() { StatusCode::OK } else { StatusCode::ACCEPTED };
     Ok((status, Json(JobView::new(&job, now()))).into_response())
@@ -301,16 +282,14 @@ pub(crate) async fn cancel(
     responses(
         (status = 204, description = "Deleted."),
         (status = 202, description = "It was asked to cancel, and goes when it has ended.", body = JobView),
-        (status = 404, description = "No such job.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
+        JobProblems,
     )
 )]
 pub(crate) async fn delete(
     State(service): State<Shared>,
     Path(id): Path<String>,
-    uri: Uri,
+    FromQuery(()): FromQuery<()>,
 ) -> Result<Response, Problem> {
-    Nothing::read(&uri)?;
     let id = parse_id(&id)?;
     if service.store.delete_job(id).await? {
         return Ok(StatusCode::NO_CONTENT.into_response());

@@ -7,34 +7,28 @@ use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
+use crate::arguments::arguments;
 use crate::cloud::ScalarType;
 use crate::cloud::writer::{Column, encode_rows, npy_header};
 use crate::harmonics::Function;
 use crate::harmonics::functions::{represent, representatives};
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, ResultProblems};
 use crate::http::results::functions::{self, NumberLists};
 use crate::http::results::matrix;
+use crate::http::results::offered::offered;
+use crate::http::results::request::{self, ResultRequest};
 use crate::http::wire::accept::{JSON, NPY, Offer};
 use crate::http::wire::body::IncomingBody;
-use crate::http::wire::download::{self, Download};
-use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::Argument;
+use crate::http::wire::problem::Problem;
+use crate::http::wire::problem_sets::{BodyProblems, ResultProblems};
 use crate::store::JobRecord;
 
-/// What Δf can be had as.
-pub(crate) const OFFERS: [Offer; 2] = [JSON, NPY];
+arguments! {
+    /// Arguments of `POST /jobs/{id}/laplacian`: none of its own.
+    #[derive(Debug)]
+    pub(crate) struct ApplyLaplacian {}
+}
 
-const ARGUMENTS: &[Argument] = &[asked::format(
-    &["json", "npy"],
-    "by Accept, else json",
-    "Format of the answer: `npy` is an array of points × functions.",
-)];
-
-resource!(
-    /// Query of `POST /jobs/{id}/laplacian`.
-    ApplyLaplacian: OFFERS, ARGUMENTS
-);
+offered!(ApplyLaplacian: [JSON, NPY], "Format of the answer: `npy` is an array of points × functions.");
 
 /// Laplacians of functions.
 #[derive(Debug, Serialize, ToSchema)]
@@ -58,35 +52,35 @@ pub(crate) struct Laplacians {
     post,
     path = "/jobs/{id}/laplacian",
     tag = "results",
-    params(("id" = Uuid, Path, description = "The job."), ApplyLaplacian),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ApplyLaplacian>),
     request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The functions."),
     responses(
         (status = 200, description = "The Laplacians.", content((Laplacians = "application/json"), (Vec<u8> = "application/x-npy"))),
-        (status = 400, description = "The body holds no numbers.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
+        BodyProblems,
         ResultProblems,
     )
 )]
 pub(crate) async fn laplacian(
-    mut asked: Asked<ApplyLaplacian>,
+    mut request: ResultRequest<ApplyLaplacian>,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    let job = asked.job().await?;
-    asked::check_kept(&job)?;
-    let (given, mut reservation) = functions::receive(&asked.service, body).await?;
+    let job = request.job().await?;
+    request::check_kept(&job)?;
+    let (given, mut reservation) = functions::receive(&request.service, body).await?;
     functions::check_length(&given, job.points as usize)?;
-    asked.refuse_large_json(given.len() as u64 * job.points)?;
-    let store = &asked.service.store;
+    request.refuse_large_json(given.len() as u64 * job.points)?;
+    let store = &request.service.store;
     let cloud = store.cloud(job.cloud_id).await?.bytes();
     // What comes out is as large as what was sent, and stands there as numbers and as they are sent.
-    let fields = given.len() as u64 * job.points * (8 + asked.number_bytes());
+    let fields = given.len() as u64 * job.points * (8 + request.number_bytes());
     reservation.add(matrix::bytes_of(&job) + cloud + fields).await?;
     let (mass, matrix) = (store.mass(job.id).await?, store.operator_matrix(job.id).await?);
     // rows without mass of their own repeat an earlier one
     let cloud = if mass.contains(&0.0) { Some(store.load_cloud(job.cloud_id).await?) } else { None };
-    asked.forget_conditions();
-    let (offer, tag, stem) = (asked.offer, job.id.simple().to_string(), format!("laplacian-{}", job.id));
-    let computed = asked.service.compute.run(move || {
+    request.forget_conditions();
+    let offer = request.offer;
+    let plan = request.plan(job.id.simple().to_string(), format!("laplacian-{}", job.id));
+    let computed = request.service.compute.run(move || {
         functions::check_finite(&given, &mass)?;
         let first = cloud.as_ref().and_then(|cloud| representatives(cloud, &mass));
         let apply = |function: &Function| {
@@ -100,8 +94,7 @@ pub(crate) async fn laplacian(
         encode(offer, &job, &given, &found)
     });
     let bytes = computed.await??;
-    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
-    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
+    plan.send(reservation, bytes)
 }
 
 fn encode(offer: Offer, job: &JobRecord, given: &[Function], found: &[Vec<f64>]) -> Result<Vec<u8>, Problem> {

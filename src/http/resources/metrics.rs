@@ -14,7 +14,7 @@ use hyper::body::{Frame, SizeHint};
 
 use crate::http::service::Shared;
 use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::metrics::{self, Levels, Metrics};
+use crate::metrics::{self, Gauges, Metrics};
 use crate::store::JobState;
 
 /// All states, so that one without jobs is told as 0.
@@ -92,7 +92,7 @@ pub(crate) async fn metrics(State(service): State<Shared>) -> Result<Response, P
     let counted = service.store.jobs_by_state().await?;
     let jobs = STATES.map(|state| (state.name(), counted.get(&state).copied().unwrap_or(0)));
     let space = service.store.space().await?;
-    let levels = Levels {
+    let levels = Gauges {
         jobs: jobs.to_vec(),
         job_memory: service.jobs.memory_taken(),
         body_memory: service.memory.taken(),

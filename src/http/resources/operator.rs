@@ -8,40 +8,39 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::analysis::{JobKind, Report, SparseMatrix};
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, ResultProblems};
+use crate::arguments::arguments;
 use crate::http::results::matrix;
+use crate::http::results::offered::offered;
+use crate::http::results::request::{self, ResultRequest};
 use crate::http::wire::accept::{JSON, MTX, NPZ, Offer};
-use crate::http::wire::download::{self, Download};
 use crate::http::wire::problem::Problem;
-use crate::http::wire::query::{Accepts, Argument};
+use crate::http::wire::problem_sets::ResultProblems;
 use crate::store::JobRecord;
 
-/// What it can be had as.
-pub(crate) const OFFERS: [Offer; 3] = [JSON, MTX, NPZ];
+/// A matrix of `L = B⁻¹Q`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
+#[strum(serialize_all = "lowercase")]
+pub(crate) enum Matrix {
+    /// Minus the stiffness.
+    Q,
+    /// The mass.
+    B,
+}
 
-const ARGUMENTS: &[Argument] = &[
-    asked::format(
-        &["json", "mtx", "npz"],
-        "by Accept, else json",
-        "Format of the answer: `json` describes the operator, `mtx` (Matrix Market) and `npz` (scipy.sparse.load_npz) are a matrix.",
-    ),
-    Argument {
-        name: "matrix",
-        alias: None,
-        accepts: Accepts::Word(&["q", "b"]),
-        default: "q",
-        meaning: "Which matrix of `L = B⁻¹Q`: `Q` (for most operators symmetric, zero row sums, negative semi-definite; the stiffness is −Q) or `B` (the diagonal mass).",
-    },
-];
+arguments! {
+    /// Arguments of `GET /jobs/{id}/operator`.
+    #[derive(Debug)]
+    pub(crate) struct ReadOperator {
+        /// Which matrix of `L = B⁻¹Q`: `Q` (for most operators symmetric, zero row sums, negative semi-definite; the
+        /// stiffness is −Q) or `B` (the diagonal mass).
+        matrix: Matrix = word(Matrix), default Matrix::Q;
+    }
+}
 
 /// Bytes of an entry as a line of Matrix Market: row, column, and 17 digits with sign, point and exponent.
 const LINE_BYTES: u64 = 45;
 
-resource!(
-    /// Query of `GET /jobs/{id}/operator`.
-    ReadOperator: OFFERS, ARGUMENTS
-);
+offered!(ReadOperator: [JSON, MTX, NPZ], "Format of the answer: `json` describes the operator, `mtx` (Matrix Market) and `npz` (scipy.sparse.load_npz) are a matrix.");
 
 /// The operator's description, and whose it is.
 #[derive(Debug, Serialize, ToSchema)]
@@ -65,44 +64,42 @@ pub(crate) struct OperatorView {
     get,
     path = "/jobs/{id}/operator",
     tag = "results",
-    params(("id" = Uuid, Path, description = "The job."), ReadOperator),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadOperator>),
     responses(
         (status = 200, description = "The description or the matrix.", content((OperatorView = "application/json"), (String = "text/x-matrix-market"), (Vec<u8> = "application/x-npz"))),
         (status = 304, description = "The client's copy is current."),
         ResultProblems,
     )
 )]
-pub(crate) async fn operator(asked: Asked<ReadOperator>) -> Result<Response, Problem> {
-    let job = asked.job().await?;
-    let (service, offer) = (&asked.service, asked.offer);
+pub(crate) async fn operator(request: ResultRequest<ReadOperator>) -> Result<Response, Problem> {
+    let job = request.job().await?;
+    let (service, offer) = (&request.service, request.offer);
     if offer == JSON {
         return Ok(Json(describe(&job)?).into_response());
     }
-    let name = if asked.arguments.word("matrix") == Some("b") { 'B' } else { 'Q' };
-    if name == 'Q' {
-        asked::check_kept(&job)?;
+    let name = <&str>::from(request.arguments.matrix).to_uppercase();
+    let plan = request.plan(format!("{}-{name}", job.id.simple()), format!("{name}-{}", job.id));
+    if request.arguments.matrix == Matrix::Q {
+        request::check_kept(&job)?;
     }
-    let reservation = asked.reserve(bytes_of(&job, name, offer)).await?;
-    let matrix = match name {
-        'B' => diagonal(&service.store.mass(job.id).await?),
-        _ => service.store.operator_matrix(job.id).await?,
+    if let Some(answer) = plan.without_work() {
+        return Ok(answer);
+    }
+    let reservation = request.reserve(bytes_of(&job, request.arguments.matrix, offer)).await?;
+    let matrix = match request.arguments.matrix {
+        Matrix::Q => service.store.operator_matrix(job.id).await?,
+        Matrix::B => diagonal(&service.store.mass(job.id).await?),
     };
     let encode = if offer == MTX { matrix::matrix_market } else { matrix::scipy_archive };
     let bytes = service.compute.run_while_wanted(move |wanted| encode(&matrix, wanted)).await??;
-    let download = Download {
-        offer,
-        tag: format!("{}-{name}", job.id.simple()),
-        stem: format!("{name}-{}", job.id),
-        length: Some(bytes.len() as u64),
-    };
-    download.answer(&asked.method, &asked.headers, reservation, |span| download::part(bytes, span))
+    plan.send(reservation, bytes)
 }
 
 /// Bytes of memory that a matrix takes beside its file.
-fn bytes_of(job: &JobRecord, name: char, offer: Offer) -> u64 {
-    let (entries, matrix) = match name {
-        'B' => (job.points, job.points * (matrix::ENTRY_BYTES + 3 * 8)),
-        _ => (job.report.as_ref().map_or(0, |report| report.nonzeros as u64), matrix::bytes_of(job)),
+fn bytes_of(job: &JobRecord, matrix: Matrix, offer: Offer) -> u64 {
+    let (entries, matrix) = match matrix {
+        Matrix::B => (job.points, job.points * (matrix::ENTRY_BYTES + 3 * 8)),
+        Matrix::Q => (job.report.as_ref().map_or(0, |report| report.nonzeros as u64), matrix::bytes_of(job)),
     };
     let line = if offer == MTX { LINE_BYTES } else { matrix::ENTRY_BYTES };
     matrix + entries * line + job.points * 8

@@ -81,7 +81,7 @@ impl View {
             basis: given.get("basis").and_then(|text| text.parse().ok()).unwrap_or(1),
             azimuth: number("azimuth", -60.0, 360.0),
             elevation: number("elevation", 20.0, 90.0),
-            up: given.get("up").and_then(|name| Up::from_name(name)).unwrap_or_default(),
+            up: given.get("up").and_then(|name| name.parse().ok()).unwrap_or_default(),
         })
     }
 

@@ -3,64 +3,47 @@
 use std::sync::Arc;
 
 use axum::extract::{Path, State};
-use axum::http::{Extensions, HeaderMap, Method, Uri};
+use axum::http::{Extensions, HeaderMap, Method};
 use axum::response::Response;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::cloud::writer::{PlyEncoding, encode_rows, ply_columns, ply_properties};
+use crate::arguments::groups;
+use crate::cloud::writer::{encode_rows, ply_columns, ply_properties};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::http::notation::parse_id;
+use crate::http::results::cloud_file::{self, Encoding, Ply, Rows, Unplaced};
+use crate::http::results::offered::{Offered, Resource, offered};
+use crate::http::results::request;
 use crate::http::results::rows::{npy_layout, ply_layout};
-use crate::http::results::view::{self, VIEW};
-use crate::http::results::{asked, cloud_file};
+use crate::http::results::view;
 use crate::http::service::Shared;
 use crate::http::wire::accept::{
     self, CSV, JSON, LAS, LAZ, NPY, NPZ, OBJ, OFF, Offer, PCD, PLY, PNG, STL, XYZ,
 };
-use crate::http::wire::download::{self, Download};
+use crate::http::wire::download::{self, Plan};
 use crate::http::wire::owners;
-use crate::http::wire::problem::{Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, arguments};
+use crate::http::wire::problem::Problem;
+use crate::http::wire::problem_sets::{AnswerProblems, CloudProblems, RangeProblem};
+use crate::http::wire::query::FromQuery;
 use crate::jobs::Wanted;
-use crate::picture::Paint;
+use crate::picture::{Paint, View};
 use crate::store::CHUNK_POINTS;
 
-/// What they can be had as.
-pub(crate) const OFFERS: [Offer; 13] = [PLY, NPY, JSON, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG];
+groups! {
+    /// Arguments of `GET /clouds/{id}/points`.
+    #[derive(Debug)]
+    pub(crate) struct ReadPoints {
+        /// How PLY is written.
+        ply: Ply,
+        /// Rows without a position.
+        rows: Rows,
+        /// Of the picture.
+        view: View,
+    }
+}
 
-/// Rows without a position.
-pub(crate) const NONFINITE: Argument = Argument {
-    name: "nonfinite",
-    alias: None,
-    accepts: Accepts::Word(&["keep", "omit"]),
-    default: "keep",
-    meaning: "Rows with a NaN or infinite coordinate in files of points: keep them, row for row as uploaded, or omit them, as formats such as LAS need it.",
-};
-
-/// Encoding of PLY.
-pub(crate) const ENCODING: Argument = Argument {
-    name: "encoding",
-    alias: None,
-    accepts: Accepts::Word(&["binary", "ascii"]),
-    default: "binary",
-    meaning: "Encoding of ply.",
-};
-
-pub(crate) const ARGUMENTS: &[Argument] = &[
-    asked::format(
-        &["ply", "npy", "json", "npz", "csv", "xyz", "las", "laz", "pcd", "obj", "off", "stl", "png"],
-        "by Accept, else ply",
-        "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz` and `pcd` have the coordinates and all fields of the upload, `npy` and `json` the coordinates, `obj` and `off` the faces too, `stl` the faces alone; `png` is a picture.",
-    ),
-    ENCODING,
-    NONFINITE,
-];
-
-arguments!(
-    /// Query of `GET /clouds/{id}/points`.
-    ReadPoints = ARGUMENTS, VIEW
-);
+offered!(ReadPoints: [PLY, NPY, JSON, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG] by view, "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz` and `pcd` have the coordinates and all fields of the upload, `npy` and `json` the coordinates, `obj` and `off` the faces too, `stl` the faces alone; `png` is a picture.");
 
 /// Points as JSON.
 #[derive(Debug, Serialize, ToSchema)]
@@ -80,60 +63,56 @@ pub(crate) struct Points {
     get,
     path = "/clouds/{id}/points",
     tag = "clouds",
-    params(("id" = Uuid, Path, description = "The cloud."), ReadPoints),
+    params(("id" = Uuid, Path, description = "The cloud."), FromQuery<Offered<ReadPoints>>),
     responses(
         (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"), (Vec<u8> = "application/x-npz"), (String = "text/csv"), (String = "text/x-xyz"), (Vec<u8> = "application/vnd.las"), (Vec<u8> = "application/vnd.laszip"), (Vec<u8> = "application/x-pcd"), (String = "model/obj"), (String = "application/x-off"), (Vec<u8> = "model/stl"), (Vec<u8> = "image/png"))),
         (status = 206, description = "The range asked for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
         (status = 304, description = "The client's copy is current."),
-        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 406, description = "None of the formats is acceptable.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 416, description = "The range lies outside.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 503, description = "The service makes as many answers as it has memory for.", body = ProblemDocument, content_type = "application/problem+json"),
+        CloudProblems,
+        RangeProblem,
+        AnswerProblems,
     )
 )]
 pub(crate) async fn points(
     State(service): State<Shared>,
     Path(id): Path<String>,
     method: Method,
-    uri: Uri,
+    FromQuery(Offered { arguments, format }): FromQuery<Offered<ReadPoints>>,
     headers: HeaderMap,
     extensions: Extensions,
 ) -> Result<Response, Problem> {
-    let arguments = ReadPoints::read(&uri)?;
-    let offer = accept::choose(arguments.word("format"), &headers, &OFFERS)?;
+    let offer = accept::choose(format, &headers, ReadPoints::OFFERS)?;
     let id = parse_id(&id)?;
-    let is_streamed = offer == NPY || (offer == PLY && arguments.word("encoding") != Some("ascii"));
+    let ReadPoints { ply: Ply { encoding }, rows, view } = arguments;
+    let omits = rows.nonfinite == Unplaced::Omit;
+    let is_streamed = offer == NPY || (offer == PLY && encoding == Encoding::Binary);
+    let tag = match is_streamed {
+        true => request::tag(id, &omits),
+        false => request::tag(id, &(encoding, omits, view::key(&view))),
+    };
+    let plan = Plan { method: &method, headers: &headers, offer, tag, stem: format!("cloud-{id}") };
+    let stored = service.store.cloud(id).await?;
+    if let Some(answer) = if is_streamed { plan.unchanged() } else { plan.without_work() } {
+        return Ok(answer);
+    }
     // Whole files stand beside the cloud. Text is three times as long, and JSON is put together from lists of numbers.
     let times = if is_streamed { 1 } else { 6 };
-    let record = service.store.cloud(id).await?;
-    let drawn = if offer == PNG { view::bytes(&view::read(&arguments), record.points) } else { 0 };
-    let bytes = times * record.bytes() + drawn;
+    let drawn = if offer == PNG { view::bytes(&view, stored.points) } else { 0 };
+    let bytes = times * stored.bytes() + drawn;
     let reservation = service.memory.reserve(owners::owner(&extensions), bytes).await?;
-    let omits = arguments.word("nonfinite") == Some("omit");
     let loaded = service.store.load_cloud(id).await?;
     let cloud = if omits && loaded.nonfinite() > 0 {
         Arc::new(service.compute.run(move || loaded.without_nonfinite()).await??)
     } else {
         Arc::new(loaded)
     };
-    let mut download =
-        Download { offer, tag: asked::tag(id, &omits), stem: format!("cloud-{id}"), length: None };
-    let encoding = match arguments.word("encoding") {
-        Some("ascii") => PlyEncoding::Ascii,
-        _ => PlyEncoding::BinaryLittleEndian,
-    };
     if !is_streamed {
-        let view = view::read(&arguments);
-        download.tag = asked::tag(id, &(encoding == PlyEncoding::Ascii, omits, view::key(&view)));
         let encode = move |wanted: &Wanted| match offer {
             JSON => json(&cloud, wanted),
             PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}")),
             _ => cloud_file::encode(&cloud, offer, encoding, &[], wanted),
         };
-        let bytes = service.compute.run_while_wanted(encode).await??;
-        download.length = Some(bytes.len() as u64);
-        return download.answer(&method, &headers, reservation, |span| download::part(bytes, span));
+        return plan.send(reservation, service.compute.run_while_wanted(encode).await??);
     }
     let layout = if offer == NPY {
         npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)
@@ -141,9 +120,8 @@ pub(crate) async fn points(
         let shown = Arc::clone(&cloud);
         service.compute.run(move || ply_layout(&shown, ply_properties(&shown))).await?
     };
-    download.length = Some(layout.length());
     let compute = service.compute.clone();
-    download.answer(&method, &headers, reservation, move |span| {
+    plan.answer(Some(layout.length()), reservation, move |span| {
         layout.stream(span, move |chunk| {
             let (compute, cloud) = (compute.clone(), Arc::clone(&cloud));
             async move { Ok(compute.run(move || encode(&cloud, offer, chunk)).await?) }

@@ -2,44 +2,32 @@
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::Uri;
 use serde::Serialize;
 use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::signatures::no_scale;
-use crate::harmonics::{Modes, shape_dna};
-use crate::http::results::asked::{self, ResultProblems};
+use crate::arguments::groups;
+use crate::harmonics::Modes;
+use crate::harmonics::shape_dna::{self, Comparison};
+use crate::http::results::request;
 use crate::http::service::Shared;
-use crate::http::wait::{self, WAIT};
+use crate::http::wait::{self, Wait};
 use crate::http::wire::problem::Problem;
-use crate::http::wire::query::{Accepts, Argument, arguments};
+use crate::http::wire::problem_sets::ResultProblems;
+use crate::http::wire::query::FromQuery;
 use crate::operator::OperatorKind;
 
-/// Modes compared when nothing is said.
-const MODES_DEFAULT: u64 = 50;
-
-pub(crate) const ARGUMENTS: &[Argument] = &[
-    Argument {
-        name: "modes",
-        alias: None,
-        accepts: Accepts::Integer(1, u64::MAX),
-        default: "50",
-        meaning: "Number of non-zero modes to compare, at most; as many as both jobs have.",
-    },
-    Argument {
-        name: "sized",
-        alias: None,
-        accepts: Accepts::Switch,
-        default: "false",
-        meaning: "Tell the same shape in two sizes apart.",
-    },
-];
-
-arguments!(
+groups! {
     /// Query of `GET /jobs/{id}/similarity/{other}`.
-    Compare = ARGUMENTS, WAIT
-);
+    #[derive(Debug)]
+    pub(crate) struct Compare {
+        /// How.
+        comparison: Comparison,
+        /// For the end of both jobs.
+        wait: Wait,
+    }
+}
 
 /// Two spectra, compared.
 #[derive(Debug, Serialize, ToSchema)]
@@ -67,20 +55,17 @@ pub(crate) struct SimilarityView {
     get,
     path = "/jobs/{id}/similarity/{other}",
     tag = "harmonics",
-    params(("id" = Uuid, Path, description = "A job."), ("other" = Uuid, Path, description = "Another job."), Compare),
+    params(("id" = Uuid, Path, description = "A job."), ("other" = Uuid, Path, description = "Another job."), FromQuery<Compare>),
     responses((status = 200, description = "The comparison.", body = SimilarityView), ResultProblems)
 )]
 pub(crate) async fn similarity(
     State(service): State<Shared>,
     Path((id, other)): Path<(String, String)>,
-    uri: Uri,
+    FromQuery(Compare { comparison, wait }): FromQuery<Compare>,
 ) -> Result<Json<SimilarityView>, Problem> {
-    let arguments = Compare::read(&uri)?;
-    let wait = std::time::Duration::from_secs(arguments.integer("wait").unwrap_or(0));
-    let modes_max = arguments.integer("modes").unwrap_or(MODES_DEFAULT) as usize;
-    let sized = arguments.switch("sized").unwrap_or(false);
-    let (first, first_spectrum) = asked::of_eigen(wait::finished(&service, &id, wait).await?)?;
-    let (second, second_spectrum) = asked::of_eigen(wait::finished(&service, &other, wait).await?)?;
+    let (Comparison { modes: modes_max, sized }, wait) = (comparison, wait.time());
+    let (first, first_spectrum) = request::of_eigen(wait::finished(&service, &id, wait).await?)?;
+    let (second, second_spectrum) = request::of_eigen(wait::finished(&service, &other, wait).await?)?;
     let modes = [Modes::of(&first_spectrum), Modes::of(&second_spectrum)];
     let jobs = [&first, &second];
     let areas = jobs.map(|job| job.report.as_ref().map_or(f64::NAN, |report| report.sampling.area));

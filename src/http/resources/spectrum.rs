@@ -8,32 +8,26 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::analysis::Report;
+use crate::arguments::arguments;
 use crate::harmonics::invariants::{self, Invariants};
 use crate::harmonics::{Modes, heat_trace};
-use crate::http::results::asked::resource;
-use crate::http::results::asked::{self, Asked, ResultProblems};
-use crate::http::wire::accept::{CSV, JSON, Offer, SVG};
-use crate::http::wire::download::{self, Download};
+use crate::http::results::offered::offered;
+use crate::http::results::request::{self, ResultRequest};
+use crate::http::wire::accept::{CSV, JSON, SVG};
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::Problem;
-use crate::http::wire::query::Argument;
+use crate::http::wire::problem_sets::ResultProblems;
 use crate::picture;
 use crate::spectrum::Spectrum;
 use crate::store::JobRecord;
 
-/// What it can be had as.
-pub(crate) const OFFERS: [Offer; 3] = [JSON, CSV, SVG];
+arguments! {
+    /// Arguments of `GET /jobs/{id}/spectrum`: none of its own.
+    #[derive(Debug)]
+    pub(crate) struct ReadSpectrum {}
+}
 
-const ARGUMENTS: &[Argument] = &[asked::format(
-    &["json", "csv", "svg"],
-    "by Accept, else json",
-    "Format of the answer; `svg` is a plot.",
-)];
-
-resource!(
-    /// Query of `GET /jobs/{id}/spectrum`.
-    ReadSpectrum: OFFERS, ARGUMENTS
-);
+offered!(ReadSpectrum: [JSON, CSV, SVG], "Format of the answer; `svg` is a plot.");
 
 /// A spectrum, and whose it is.
 #[derive(Debug, Serialize, ToSchema)]
@@ -85,26 +79,27 @@ fn surface(report: Option<&Report>) -> Option<&Report> {
     get,
     path = "/jobs/{id}/spectrum",
     tag = "results",
-    params(("id" = Uuid, Path, description = "The job."), ReadSpectrum),
+    params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadSpectrum>),
     responses(
         (status = 200, description = "The spectrum; as CSV one row per eigenvalue; as SVG a plot of the eigenvalues by their number.", content((SpectrumView = "application/json"), (String = "text/csv"), (String = "image/svg+xml")), headers(("ETag" = String, description = "Of these bytes."))),
         (status = 304, description = "The client's copy is current."),
         ResultProblems,
     )
 )]
-pub(crate) async fn spectrum(asked: Asked<ReadSpectrum>) -> Result<Response, Problem> {
-    let (job, spectrum) = asked.eigen().await?;
-    let (offer, tag) = (asked.offer, asked::tag(job.id, &"spectrum"));
-    let stem = format!("spectrum-{}", job.id);
-    let bytes = asked.service.compute.run(move || match offer {
+pub(crate) async fn spectrum(request: ResultRequest<ReadSpectrum>) -> Result<Response, Problem> {
+    let (job, spectrum) = request.eigen().await?;
+    let plan = request.plan(request::tag(job.id, &"spectrum"), format!("spectrum-{}", job.id));
+    if let Some(answer) = plan.unchanged() {
+        return Ok(answer);
+    }
+    let offer = request.offer;
+    let bytes = request.service.compute.run(move || match offer {
         CSV => Ok(csv(&spectrum).into_bytes()),
         SVG => Ok(svg(job.report.as_ref(), &spectrum).into_bytes()),
         _ => json(&job, spectrum),
     });
-    let bytes = bytes.await??;
-    let download = Download { offer, tag, stem, length: Some(bytes.len() as u64) };
     // A thousand eigenvalues at most, each with a few numbers.
-    download.answer(&asked.method, &asked.headers, Reservation::small(), |span| download::part(bytes, span))
+    plan.send(Reservation::small(), bytes.await??)
 }
 
 fn json(job: &JobRecord, spectrum: Spectrum) -> Result<Vec<u8>, Problem> {

@@ -9,7 +9,6 @@ use axum::extract::{Path, State};
 use axum::http::{HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::cloud_name;
@@ -17,70 +16,110 @@ use super::clouds::CloudView;
 use super::idempotency::{self, IdempotencyKey, Key};
 use super::jobs;
 use super::jobs::JobView;
-use super::parameters::{self, KIND, PARAMETERS};
-use crate::analysis::{JobKind, Parameters, admit, admit_lowered};
-use crate::cloud::reader::{self, Format, ReadOptions};
-use crate::cloud::{NonFinite, PointCloud};
-use crate::http::notation::{now, parse_id};
+use crate::analysis::{JobKind, Parameters, Task, admit, admit_lowered};
+use crate::arguments::{self, Accepts, Argument, ArgumentError, Arguments, arguments, groups};
+use crate::cloud::PointCloud;
+use crate::cloud::reader::{self, Format, ReadOptions, ReadRequest};
+use crate::http::notation::now;
 use crate::http::service::{Service, Shared};
 use crate::http::wait::{preferred_wait, settled};
-use crate::http::wire::body::{IncomingBody, Received};
-use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
-use crate::http::wire::query::{Accepts, Argument, Arguments, Nothing, arguments};
+use crate::http::wire::body::IncomingBody;
+use crate::http::wire::problem::Problem;
+use crate::http::wire::problem_sets::UploadProblems;
+use crate::http::wire::query::FromQuery;
 use crate::http::wire::retry;
 use crate::http::wire::upload::Upload;
 use crate::store::{Owner, Submitted};
 
-/// How the upload is read.
-pub(crate) const UPLOAD: &[Argument] = &[
-    Argument {
-        name: "format",
-        alias: None,
-        accepts: Accepts::Word(&[
-            "ply", "obj", "off", "stl", "xyz", "csv", "npy", "pcd", "las", "laz", "e57",
-        ]),
-        default: "from Content-Type, then the file's name, then the bytes",
-        meaning: "Format of the file.",
-    },
-    Argument {
-        name: "nonfinite",
-        alias: None,
-        accepts: Accepts::Word(&["reject", "drop"]),
-        default: "reject",
-        meaning: "What to do with rows that have a NaN or infinite coordinate: refuse the cloud, or keep the rows without a result.",
-    },
-    Argument {
-        name: "coordinates",
-        alias: None,
-        accepts: Accepts::Integer(1, crate::cloud::DIMENSION_MAX as u64),
-        default: "3 or all columns, by format",
-        meaning: "For tables (XYZ, CSV, NPY): the first so many columns are coordinates, the others fields.",
-    },
-    Argument {
-        name: "scan",
-        alias: None,
-        accepts: Accepts::Integer(0, u64::MAX),
-        default: "all of them",
-        meaning: "For files of several scans (E57, PTX): which one, counting from 0.",
-    },
-    Argument {
-        name: "analyze",
-        alias: Some("analyse"),
-        accepts: Accepts::Switch,
-        default: "true",
-        meaning: "Queue a job on the cloud. `false` only stores it.",
-    },
-];
+arguments! {
+    /// What follows an upload.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) struct Analyze {
+        /// Queue a job on the cloud. `false` only stores it.
+        #[alias = "analyze"]
+        analyze: bool = switch, default true;
+    }
+}
 
-/// Memory of a cloud and of what is looked at of it before an analysis, over the cloud's.
-const ADMISSION_FACTOR: u64 = 4;
-/// JSON of `POST /clouds/{id}/jobs` is small.
-const JOB_BYTES_MAX: u64 = 64 << 10;
+groups! {
+    /// How an upload is read, and what follows.
+    #[derive(Debug)]
+    pub(crate) struct ReadUpload {
+        /// Read how.
+        reading: ReadRequest,
+        /// What follows.
+        analyze: Analyze,
+    }
+}
 
-arguments!(
+/// Parameters, and whether the number of bases is the client's own choice.
+#[derive(Debug, Default)]
+pub(crate) struct Chosen {
+    parameters: Parameters,
+    pub(super) is_bases_given: bool,
+}
+
+impl Arguments for Chosen {
+    fn table() -> Vec<Argument> {
+        Parameters::table()
+    }
+
+    fn set(&mut self, name: &str, value: &arguments::Value) -> bool {
+        self.is_bases_given |= name == "bases";
+        self.parameters.set(name, value)
+    }
+}
+
+groups! {
+    /// What a job computes, and how.
+    #[derive(Debug)]
+    pub(crate) struct JobArguments {
+        /// What.
+        task: Task,
+        /// How.
+        parameters: Chosen,
+    }
+}
+
+groups! {
     /// Query of `POST /clouds`.
-    SubmitCloud = UPLOAD, cloud_name::NAME, KIND, PARAMETERS
-);
+    #[derive(Debug)]
+    pub(crate) struct SubmitCloud {
+        /// Its name.
+        naming: cloud_name::Naming,
+        /// The upload.
+        upload: ReadUpload,
+        /// The job.
+        job: JobArguments,
+    }
+}
+
+impl JobArguments {
+    /// Kind and parameters, checked as far as that goes without a cloud.
+    ///
+    /// # Errors
+    /// A problem that names the parameter and what would be accepted.
+    pub(super) fn checked(self, bases_max: usize) -> Result<(JobKind, Parameters), Problem> {
+        let (kind, parameters) = (self.task.kind, self.parameters.parameters);
+        let narrowed = narrowed(bases_max);
+        if let Some(bases) = narrowed.iter().find(|argument| argument.name == "bases")
+            && !bases.accepts.holds(&arguments::Value::Integer(parameters.bases))
+        {
+            return Err(ArgumentError::value(bases, &parameters.bases.to_string()).into());
+        }
+        parameters.check()?;
+        Ok((kind, parameters))
+    }
+}
+
+/// The arguments of a job on a service that computes up to `bases_max` bases.
+pub(crate) fn narrowed(bases_max: usize) -> Vec<Argument> {
+    let mut table = JobArguments::table();
+    for argument in table.iter_mut().filter(|argument| argument.name == "bases") {
+        argument.accepts = Accepts::Integer(1, bases_max);
+    }
+    table
+}
 
 /// What a submission came to.
 #[derive(Debug, Serialize, ToSchema)]
@@ -99,16 +138,13 @@ pub(crate) struct Submission {
 #[allow(dead_code)] // names the request body in the OpenAPI document
 pub(crate) struct CloudFile(Vec<u8>);
 
-/// Parameters of a job: the fields of the query of `POST /clouds`.
+/// A form whose first file is the cloud.
 #[derive(Debug, ToSchema)]
 #[allow(dead_code)] // names the request body in the OpenAPI document
-pub(crate) struct JobRequest {
-    /// What the job computes.
-    #[schema(default = "eigen")]
-    kind: Option<JobKind>,
-    /// Its parameters, beside `kind`.
-    #[serde(flatten)]
-    parameters: Parameters,
+pub(crate) struct CloudForm {
+    /// The file of points.
+    #[schema(value_type = String, format = Binary)]
+    file: Vec<u8>,
 }
 
 /// Uploads a cloud and queues a job on it.
@@ -119,26 +155,22 @@ pub(crate) struct JobRequest {
     post,
     path = "/clouds",
     tag = "clouds",
-    params(SubmitCloud, IdempotencyKey),
-    request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
+    params(FromQuery<SubmitCloud>, IdempotencyKey),
+    request_body(content((CloudFile = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
         (status = 201, description = "Stored only (`analyze=false`).", body = Submission, headers(("Location" = String, description = "The cloud."))),
-        (status = 400, description = "Body or file malformed.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 408, description = "The body stopped arriving.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 413, description = "Over a limit.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 415, description = "Format unknown.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted, or the cloud cannot carry the analysis.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 429, description = "The queue is full.", body = ProblemDocument, content_type = "application/problem+json"),
+        UploadProblems,
     )
 )]
 pub(crate) async fn post_cloud(
     State(service): State<Shared>,
+    FromQuery(asked): FromQuery<SubmitCloud>,
     uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, &uri, body, None).await
+    receive(&service, asked, &uri, body, None).await
 }
 
 /// Uploads a cloud: the same as POST, for `curl -T`.
@@ -146,21 +178,22 @@ pub(crate) async fn post_cloud(
     put,
     path = "/clouds",
     tag = "clouds",
-    params(SubmitCloud, IdempotencyKey),
-    request_body(content((CloudFile = "application/octet-stream"), (CloudFile = "multipart/form-data")), description = "The file."),
+    params(FromQuery<SubmitCloud>, IdempotencyKey),
+    request_body(content((CloudFile = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
         (status = 201, description = "Stored only (`analyze=false`).", body = Submission, headers(("Location" = String, description = "The cloud."))),
-        (status = "4XX", description = "As for POST.", body = ProblemDocument, content_type = "application/problem+json"),
+        UploadProblems,
     )
 )]
 pub(crate) async fn put_cloud(
     State(service): State<Shared>,
+    FromQuery(asked): FromQuery<SubmitCloud>,
     uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, &uri, body, None).await
+    receive(&service, asked, &uri, body, None).await
 }
 
 /// Uploads a cloud with its file name, as `curl -T scan.ply http://HOST/clouds/` does.
@@ -170,80 +203,27 @@ pub(crate) async fn put_cloud(
     put,
     path = "/clouds/{id}",
     tag = "clouds",
-    params(("id" = String, Path, description = "The file's name."), SubmitCloud, IdempotencyKey),
+    params(("id" = String, Path, description = "The file's name."), FromQuery<SubmitCloud>, IdempotencyKey),
     request_body(content((CloudFile = "application/octet-stream")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
         (status = 201, description = "Stored only (`analyze=false`).", body = Submission, headers(("Location" = String, description = "The cloud."))),
-        (status = "4XX", description = "As for POST.", body = ProblemDocument, content_type = "application/problem+json"),
+        UploadProblems,
     )
 )]
 pub(crate) async fn put_cloud_named(
     State(service): State<Shared>,
     Path(file_name): Path<String>,
+    FromQuery(asked): FromQuery<SubmitCloud>,
     uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, &uri, body, Some(file_name)).await
-}
-
-/// Queues a job on a stored cloud.
-///
-/// The body is a JSON object of parameters; an empty body takes all defaults.
-#[utoipa::path(
-    post,
-    path = "/clouds/{id}/jobs",
-    tag = "jobs",
-    params(("id" = Uuid, Path, description = "The cloud."), IdempotencyKey),
-    request_body(content = Option<JobRequest>, description = "Parameters."),
-    responses(
-        (status = 202, description = "Queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
-        (status = 200, description = "The same analysis is there already.", body = Submission),
-        (status = 400, description = "The body is no JSON.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 404, description = "No such cloud.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 413, description = "The body is too large.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 422, description = "A parameter is not accepted.", body = ProblemDocument, content_type = "application/problem+json"),
-        (status = 429, description = "The queue is full.", body = ProblemDocument, content_type = "application/problem+json"),
-    )
-)]
-pub(crate) async fn post_job(
-    State(service): State<Shared>,
-    Path(id): Path<String>,
-    uri: Uri,
-    body: IncomingBody,
-) -> Result<Response, Problem> {
-    Nothing::read(&uri).map_err(|_| {
-        let told = "the query has no parameters here; those of a job are sent as JSON: curl -d '{\"bases\": 50}' URL";
-        Problem::new(Kind::UnknownParameter, told)
-    })?;
-    let id = parse_id(&id)?;
-    let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
-    let headers = body.headers().clone();
-    let Received { bytes: body, mut reservation } = body.receive(JOB_BYTES_MAX).await?;
-    let key = Key::of(&headers, &uri, &body)?;
-    if let Some(answered) = replayed(&service, &owner, key.as_ref(), wait).await? {
-        return Ok(answered);
-    }
-    let arguments = job_arguments(&body)?;
-    let (kind, mut parameters) = parameters::read(&arguments, service.limits.bases_max)?;
-    let lowers = arguments.integer("bases").is_none();
-    // The cloud, and its points without those at the same place.
-    reservation.add(ADMISSION_FACTOR * service.store.cloud(id).await?.bytes()).await?;
-    let cloud = service.store.load_cloud(id).await?;
-    let admitted = move || {
-        if lowers { admit_lowered(&cloud, &mut parameters) } else { admit(&cloud, &parameters) }
-            .map(|_| parameters)
-    };
-    let parameters = service.reading.run(admitted).await??;
-    drop(reservation);
-    let submitted = service.store.submit_job(id, kind, parameters).await?;
-    remember(&service, &owner, key.as_ref(), &submitted).await?;
-    answer(&service, submitted, wait).await
+    receive(&service, asked, &uri, body, Some(file_name)).await
 }
 
 /// The answer to a request that was answered before under the same name.
-async fn replayed(
+pub(super) async fn replayed(
     service: &Service,
     owner: &Owner,
     key: Option<&Key>,
@@ -256,7 +236,7 @@ async fn replayed(
     Ok(Some(response))
 }
 
-async fn remember(
+pub(super) async fn remember(
     service: &Service,
     owner: &Owner,
     key: Option<&Key>,
@@ -268,32 +248,18 @@ async fn remember(
     }
 }
 
-fn job_arguments(bytes: &[u8]) -> Result<Arguments, Problem> {
-    let malformed = |detail: String| Problem::new(Kind::MalformedRequest, detail);
-    if bytes.trim_ascii().is_empty() {
-        return Ok(Arguments::default());
-    }
-    let json: Value = serde_json::from_slice(bytes).map_err(|error| {
-        malformed(format!("the body is not JSON ({error}); send parameters as in {{\"bases\": 50}}"))
-    })?;
-    let Value::Object(object) = json else {
-        return Err(malformed(
-            "the body is not a JSON object; send parameters as in {\"bases\": 50}".to_owned(),
-        ));
-    };
-    Arguments::from_json(object, &[KIND, PARAMETERS])
-}
-
 async fn receive(
     service: &Service,
+    asked: SubmitCloud,
     uri: &Uri,
     body: IncomingBody,
     file_name: Option<String>,
 ) -> Result<Response, Problem> {
-    let arguments = SubmitCloud::read(uri)?;
-    let (kind, parameters) = parameters::read(&arguments, service.limits.bases_max)?;
+    let SubmitCloud { naming, upload: ReadUpload { reading, analyze }, job } = asked;
+    let lowers = !job.parameters.is_bases_given;
+    let (kind, parameters) = job.checked(service.limits.bases_max)?;
     let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
-    let (headers, target, format) = (body.headers().clone(), uri.clone(), arguments.word("format"));
+    let (headers, target) = (body.headers().clone(), uri.clone());
     let (mut upload, reservation) = Upload::receive(service, body).await?;
     upload.file_name = upload.file_name.or(file_name);
     let named = upload.bytes.clone();
@@ -301,16 +267,10 @@ async fn receive(
     if let Some(answered) = replayed(service, &owner, key.as_ref(), wait).await? {
         return Ok(answered);
     }
-    let name = cloud_name::of(arguments.word("name"), upload.file_name.as_deref())?;
-    let format = upload.format(format.and_then(Format::from_name))?;
-    let job = arguments.switch("analyze").unwrap_or(true).then_some((kind, parameters));
-    let options = ReadOptions {
-        policy: if arguments.word("nonfinite") == Some("drop") { NonFinite::Drop } else { NonFinite::Reject },
-        dimension: arguments.integer("coordinates").map(|columns| columns as usize),
-        scan: arguments.integer("scan").map(|scan| scan as usize),
-        limits: service.limits.reader,
-    };
-    let lowers = arguments.integer("bases").is_none();
+    let name = cloud_name::of(naming.name.as_deref(), upload.file_name.as_deref())?;
+    let format = upload.format(reading.format)?;
+    let job = analyze.analyze.then_some((kind, parameters));
+    let options = reading.options(service.limits.reader);
     let (cloud, job) = service.reading.run(move || read(upload, format, &options, job, lowers)).await??;
     let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
     if let (Some(name), None) = (name, &submitted.cloud.name) {
@@ -344,7 +304,7 @@ fn read(
     Ok((cloud, job))
 }
 
-async fn answer(
+pub(super) async fn answer(
     service: &Service,
     submitted: Submitted,
     wait: Option<Duration>,
@@ -404,16 +364,4 @@ async fn answer(
         response.headers_mut().insert(applied, HeaderValue::from_static("wait"));
     }
     Ok(response)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_formats_offered_are_the_formats_read() {
-        let Accepts::Word(words) = UPLOAD[0].accepts else { panic!("format is a word") };
-        let names: Vec<_> = Format::ALL.iter().map(|format| format.name()).collect();
-        assert_eq!(words, names);
-    }
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::asked::{Harmonics, JSON_BYTES_MAX};
 use super::number_lists::{self, LISTS_MAX};
+use super::request::{Harmonics, JSON_BYTES_MAX};
 use crate::cloud::reader::read_columns;
 use crate::harmonics::functions::first_nonfinite;
 use crate::harmonics::{Function, Transformed, transform};
@@ -15,7 +15,6 @@ use crate::http::service::Service;
 use crate::http::wire::body::{IncomingBody, Received};
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::{Kind, Problem};
-use crate::http::wire::query::{Accepts, Argument, Arguments};
 
 /// What every `.npy` file begins with.
 const NPY_MAGIC: &[u8] = b"\x93NUMPY";
@@ -113,27 +112,11 @@ pub(crate) fn check_finite(functions: &[Function], mass: &[f64]) -> Result<(), P
     Ok(())
 }
 
-/// Bands of energy when nothing is said.
-const BANDS_DEFAULT: u64 = 10;
-
-/// Into how many bands energies are summed.
-pub(crate) const BANDS: &[Argument] = &[Argument {
-    name: "bands",
-    alias: None,
-    accepts: Accepts::Integer(1, 1000),
-    default: "10",
-    meaning: "Number of bands of consecutive modes into which energies are summed.",
-}];
-
 /// Numbers by name: see the description of the request.
 #[derive(Debug, ToSchema)]
 #[schema(value_type = Object)]
 #[allow(dead_code)] // names the request body in the OpenAPI document
 pub(crate) struct NumberLists(Value);
-
-pub(crate) fn bands(arguments: &Arguments) -> usize {
-    arguments.integer("bands").unwrap_or(BANDS_DEFAULT) as usize
-}
 
 /// Of functions of the upload itself: as stored with the result, else by a pass over the bases.
 pub(crate) async fn of_own(

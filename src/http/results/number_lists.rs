@@ -56,7 +56,7 @@ struct NoNumber {
 
 fn named(name: &str, what: &str, numbers: Result<Vec<f64>, NoNumber>) -> Result<Function, String> {
     let described = |NoNumber { place, shown }| {
-        format!("{what} has {shown} at place {place} (counting from 0), which is no number")
+        format!("{what} has {shown} at place {place} (counting from 0), which is not a number")
     };
     Ok(Function::new(name, numbers.map_err(described)?))
 }
@@ -159,7 +159,7 @@ fn lists<'de, A: SeqAccess<'de>>(
         let list = match found {
             Found::Numbers(_) if place == LISTS_MAX => Err(too_many()),
             Found::Numbers(numbers) => named(&format!("f{place}"), &format!("list {place}"), numbers),
-            _ => Err(format!("list {place} is no list of numbers")),
+            _ => Err(format!("list {place} is not a list of numbers")),
         };
         match list {
             Ok(list) => lists.push(list),
@@ -201,7 +201,7 @@ fn keep(lists: &mut Vec<Function>, fault: &mut Option<String>, name: &str, found
         _ if lists.iter().any(|list| list.name == name) => Err(format!("`{name}` is given twice")),
         Found::Numbers(_) if lists.len() == LISTS_MAX => Err(too_many()),
         Found::Numbers(numbers) => named(name, &format!("`{name}`"), numbers),
-        _ => Err(format!("`{name}` is no list of numbers")),
+        _ => Err(format!("`{name}` is not a list of numbers")),
     };
     match list {
         Ok(list) => lists.push(list),
@@ -264,11 +264,11 @@ mod tests {
             ("[1, [2]]", "the list has a list at place 1"),
             ("[[1], [2, true]]", "list 1 has `true` at place 1"),
             ("[[[1]]]", "list 0 has a list at place 0"),
-            ("[[1], 2, 3]", "list 1 is no list of numbers"),
-            (r#"{"a": 1, "b": [2]}"#, "`a` is no list of numbers"),
-            (r#"{"a": {"b": [1]}}"#, "`a` is no list of numbers"),
+            ("[[1], 2, 3]", "list 1 is not a list of numbers"),
+            (r#"{"a": 1, "b": [2]}"#, "`a` is not a list of numbers"),
+            (r#"{"a": {"b": [1]}}"#, "`a` is not a list of numbers"),
             (r#"{"a": [1], "a": [2]}"#, "`a` is given twice"),
-            (r#"{"fields": {"a": 1}}"#, "`a` is no list of numbers"),
+            (r#"{"fields": {"a": 1}}"#, "`a` is not a list of numbers"),
             ("{", "neither npy nor JSON"),
             ("[1] 2", "neither npy nor JSON"),
             ("[1e999]", "neither npy nor JSON"),

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use axum::response::Response;
 use serde_json::{Map, Value};
 
-use super::asked::{Asked, Resource};
+use super::offered::Resource;
+use super::request::ResultRequest;
 use super::rows::{axes, npy_layout, ply_layout};
 use crate::cloud::writer::{Column, encode_rows, npy_vector_header, ply_columns, ply_properties};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::Block;
 use crate::http::wire::accept::{JSON, NPY, PLY};
-use crate::http::wire::download::{self, Download};
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::Problem;
 use crate::jobs::StoredBases;
@@ -44,41 +44,39 @@ pub(crate) struct PerRow {
 }
 
 impl PerRow {
-    /// The answer in the format asked for; the values are made as they are sent, except for JSON.
+    /// The answer in the format request for; the values are made as they are sent, except for JSON.
     ///
     /// # Errors
     /// A problem.
     pub(crate) async fn answer<R: Resource>(
         mut self,
-        asked: &Asked<R>,
+        request: &ResultRequest<R>,
         job: &JobRecord,
     ) -> Result<Response, Problem> {
-        asked.refuse_large_json((self.bases.rows() * self.names.len()) as u64)?;
-        let mut download = Download {
-            offer: asked.offer,
-            tag: self.tag.clone(),
-            stem: format!("{}-{}", self.stem, job.id),
-            length: None,
-        };
-        let compute = asked.service.compute.clone();
-        if asked.offer == JSON {
+        request.refuse_large_json((self.bases.rows() * self.names.len()) as u64)?;
+        let plan = request.plan(self.tag.clone(), format!("{}-{}", self.stem, job.id));
+        if let Some(answer) = plan.unchanged() {
+            return Ok(answer);
+        }
+        let compute = request.service.compute.clone();
+        if request.offer == JSON {
+            if let Some(answer) = plan.without_work() {
+                return Ok(answer);
+            }
             let numbers = (self.bases.rows() * self.names.len()) as u64;
-            self.reservation.add(numbers * (VALUE_BYTES + asked.number_bytes())).await?;
+            self.reservation.add(numbers * (VALUE_BYTES + request.number_bytes())).await?;
             let blocks = {
                 let work = Arc::clone(&self.work);
                 self.bases.map(move |block| work(block)).await?
             };
             let reservation = std::mem::replace(&mut self.reservation, Reservation::small());
-            let text = compute.run(move || self.json(blocks)).await??;
-            download.length = Some(text.len() as u64);
-            return download
-                .answer(&asked.method, &asked.headers, reservation, |span| download::part(text, span));
+            return plan.send(reservation, compute.run(move || self.json(blocks)).await??);
         }
-        let cloud = match asked.offer {
-            PLY => Some(Arc::new(asked.service.store.load_cloud(job.cloud_id).await?)),
+        let cloud = match request.offer {
+            PLY => Some(Arc::new(request.service.store.load_cloud(job.cloud_id).await?)),
             _ => None,
         };
-        let kind = if asked.offer == NPY { ScalarType::Float64 } else { ScalarType::Float32 };
+        let kind = if request.offer == NPY { ScalarType::Float64 } else { ScalarType::Float32 };
         let layout = match &cloud {
             None if self.is_single => {
                 let mut layout = npy_layout(self.bases.rows(), 1, kind);
@@ -95,9 +93,8 @@ impl PerRow {
             }
         };
         let layout = layout.in_chunks_of(self.bases.block_rows());
-        download.length = Some(layout.length());
         let (bases, work) = (self.bases, self.work);
-        download.answer(&asked.method, &asked.headers, self.reservation, |span| {
+        plan.answer(Some(layout.length()), self.reservation, |span| {
             layout.stream(span, move |chunk| {
                 let (bases, work, cloud) = (bases.clone(), Arc::clone(&work), cloud.clone());
                 async move {

@@ -3,6 +3,7 @@
 use axum::http::{HeaderMap, header};
 
 use super::problem::{Kind, Problem};
+use crate::cloud::reader::Format;
 
 /// A representation on offer: its name in `?format=`, and its media types, the first of which is answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,36 +14,37 @@ pub(crate) struct Offer {
     pub media_types: &'static [&'static str],
 }
 
+const fn cloud(format: Format) -> Offer {
+    Offer { name: format.name(), media_types: format.media_types() }
+}
+
 /// JSON.
 pub(crate) const JSON: Offer = Offer { name: "json", media_types: &["application/json"] };
 /// NumPy array file.
-pub(crate) const NPY: Offer =
-    Offer { name: "npy", media_types: &["application/x-npy", "application/npy", "application/octet-stream"] };
-/// Binary PLY.
-pub(crate) const PLY: Offer =
-    Offer { name: "ply", media_types: &["application/ply", "model/ply", "application/x-ply"] };
+pub(crate) const NPY: Offer = cloud(Format::Npy);
+/// PLY, the points with further properties.
+pub(crate) const PLY: Offer = cloud(Format::Ply);
 /// Comma-separated values.
-pub(crate) const CSV: Offer = Offer { name: "csv", media_types: &["text/csv"] };
+pub(crate) const CSV: Offer = cloud(Format::Csv);
+/// Text, a point per line.
+pub(crate) const XYZ: Offer = cloud(Format::Xyz);
+/// ASPRS LAS.
+pub(crate) const LAS: Offer = cloud(Format::Las);
+/// LAS compressed by `LASzip`.
+pub(crate) const LAZ: Offer = cloud(Format::Laz);
+/// Wavefront OBJ.
+pub(crate) const OBJ: Offer = cloud(Format::Obj);
+/// Object file format of Geomview.
+pub(crate) const OFF: Offer = cloud(Format::Off);
+/// Triangles of stereolithography.
+pub(crate) const STL: Offer = cloud(Format::Stl);
+/// Point Cloud Library.
+pub(crate) const PCD: Offer = cloud(Format::Pcd);
 /// Matrix Market.
 pub(crate) const MTX: Offer =
     Offer { name: "mtx", media_types: &["text/x-matrix-market", "application/x-matrix-market"] };
 /// Archive of NumPy arrays.
 pub(crate) const NPZ: Offer = Offer { name: "npz", media_types: &["application/x-npz", "application/zip"] };
-
-/// Text, a point per line.
-pub(crate) const XYZ: Offer = Offer { name: "xyz", media_types: &["text/x-xyz", "text/plain"] };
-/// ASPRS LAS.
-pub(crate) const LAS: Offer = Offer { name: "las", media_types: &["application/vnd.las"] };
-/// LAS compressed by `LASzip`.
-pub(crate) const LAZ: Offer = Offer { name: "laz", media_types: &["application/vnd.laszip"] };
-/// Wavefront OBJ.
-pub(crate) const OBJ: Offer = Offer { name: "obj", media_types: &["model/obj"] };
-/// Object file format of Geomview.
-pub(crate) const OFF: Offer = Offer { name: "off", media_types: &["application/x-off"] };
-/// Triangles of stereolithography.
-pub(crate) const STL: Offer = Offer { name: "stl", media_types: &["model/stl"] };
-/// Point Cloud Library.
-pub(crate) const PCD: Offer = Offer { name: "pcd", media_types: &["application/x-pcd"] };
 /// A picture.
 pub(crate) const PNG: Offer = Offer { name: "png", media_types: &["image/png"] };
 /// A page.
@@ -62,9 +64,9 @@ impl Offer {
 ///
 /// # Errors
 /// A problem that lists the offers.
-pub(crate) fn choose(named: Option<&str>, headers: &HeaderMap, offers: &[Offer]) -> Result<Offer, Problem> {
-    if let Some(name) = named {
-        return offers.iter().find(|offer| offer.name == name).copied().ok_or_else(|| refuse(name, offers));
+pub(crate) fn choose(named: Option<Offer>, headers: &HeaderMap, offers: &[Offer]) -> Result<Offer, Problem> {
+    if let Some(named) = named {
+        return Ok(named);
     }
     let accept: Vec<_> =
         headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok()).collect();
@@ -148,12 +150,11 @@ mod tests {
     fn nothing_acceptable_is_refused() {
         assert_eq!(chosen("image/png"), None);
         assert_eq!(chosen("application/json;q=0"), None);
-        assert!(choose(Some("xml"), &HeaderMap::new(), &OFFERS).is_err());
     }
 
     #[test]
     fn a_name_goes_before_the_header() {
         let headers = HeaderMap::from_iter([(header::ACCEPT, HeaderValue::from_static("application/json"))]);
-        assert_eq!(choose(Some("npy"), &headers, &OFFERS).unwrap(), NPY);
+        assert_eq!(choose(Some(NPY), &headers, &OFFERS).unwrap(), NPY);
     }
 }

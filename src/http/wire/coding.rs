@@ -13,7 +13,7 @@ use super::problem::{Kind, Problem};
 /// a frame announces is allocated before its content is there.
 const WINDOW_BYTES_MAX: u64 = 8 << 20;
 
-/// Up to this size the ratio does not count: a small file of equal lines is no bomb.
+/// Up to this size the ratio does not count: a small file of equal lines is not a bomb.
 const RATIO_FREE_BYTES: u64 = 1 << 20;
 
 /// What is accepted, as `Accept-Encoding` says it.

@@ -19,92 +19,143 @@ const SHOWN: [Offer; 4] = [PNG, SVG, JSON, CSV];
 /// An answer that is opened by itself runs nothing and loads nothing.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'";
 
-/// A representation of a result, before its bytes are made.
-#[derive(Debug)]
-pub(crate) struct Download {
+/// The answer that a request for a result will get, known before the result is read.
+#[derive(Debug, Clone)]
+pub(crate) struct Plan<'a> {
+    /// GET, HEAD or POST.
+    pub method: &'a Method,
+    /// The request's headers.
+    pub headers: &'a HeaderMap,
     /// Decides the media type and the file name's ending.
     pub offer: Offer,
     /// Names these very bytes: the result never changes, so its identity and the arguments do.
     pub tag: String,
     /// File name without its ending.
     pub stem: String,
-    /// Length in bytes; `None` for text whose length is known only once it is written.
-    pub length: Option<u64>,
 }
 
-impl Download {
-    /// The answer: 304, 206, 416, or the whole. `body` makes the bytes of a range; it is not called for HEAD. The memory
-    /// for what they are made of is kept until the last one is taken.
+impl Plan<'_> {
+    /// The answer to a client that has these bytes already (304).
+    pub(crate) fn unchanged(&self) -> Option<Response> {
+        is_known(self.headers, &self.etag()).then(|| {
+            let mut response = StatusCode::NOT_MODIFIED.into_response();
+            self.validate(&mut response);
+            response
+        })
+    }
+
+    /// The answer to a client that has these bytes already, or wants none (HEAD) of a length that is known only once
+    /// they are made.
+    pub(crate) fn without_work(&self) -> Option<Response> {
+        self.unchanged().or_else(|| {
+            (self.method == Method::HEAD).then(|| {
+                // An empty body would be announced as one of no bytes.
+                let mut response = Response::new(Body::from_stream(stream::empty::<io::Result<Bytes>>()));
+                self.describe(&mut response);
+                response
+            })
+        })
+    }
+
+    /// The whole of `bytes`, or the range asked for.
+    ///
+    /// # Errors
+    /// A problem when the range lies outside of the result.
+    pub(crate) fn send(&self, reservation: Reservation, bytes: Vec<u8>) -> Result<Response, Problem> {
+        let length = bytes.len() as u64;
+        self.answer(Some(length), reservation, |span| part(bytes, span))
+    }
+
+    /// The answer: 304, 206, 416, or the whole. `body` makes the bytes of a range; it is not called for HEAD. The
+    /// `length` of text may be unknown. The memory for what the bytes are made of is kept until the last one is taken.
     ///
     /// # Errors
     /// A problem when the range lies outside of the result.
     pub(crate) fn answer(
-        self,
-        method: &Method,
-        headers: &HeaderMap,
+        &self,
+        length: Option<u64>,
         reservation: Reservation,
         body: impl FnOnce(Range<u64>) -> Body,
     ) -> Result<Response, Problem> {
-        let etag = format!("\"{}-{}\"", self.tag, self.offer.name);
-        let mut response = if is_known(headers, &etag) {
-            StatusCode::NOT_MODIFIED.into_response()
-        } else {
-            self.bytes(method, headers, &etag, body)?
-        };
-        let answered = response.headers_mut();
-        if let Ok(etag) = HeaderValue::from_str(&etag) {
-            answered.insert(header::ETAG, etag);
-        }
-        answered.insert(header::VARY, HeaderValue::from_static("accept"));
-        answered.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
-        Ok(reservation.until_sent(response))
+        self.content(length, body).map(|response| reservation.until_sent(response))
     }
 
-    fn bytes(
+    fn content(
         &self,
-        method: &Method,
-        headers: &HeaderMap,
-        etag: &str,
+        length: Option<u64>,
         body: impl FnOnce(Range<u64>) -> Body,
     ) -> Result<Response, Problem> {
-        let span = match self.length {
-            Some(length) if method == Method::GET => span(headers, etag, length)?,
+        let Some(length) = length else {
+            return Ok(self.without_work().unwrap_or_else(|| {
+                let mut response = Response::new(body(0..u64::MAX));
+                self.describe(&mut response);
+                response
+            }));
+        };
+        if let Some(mut answer) = self.without_work() {
+            if answer.status() == StatusCode::OK {
+                *answer.body_mut() = Body::empty();
+                Self::announce(&mut answer, &(0..length));
+            }
+            return Ok(answer);
+        }
+        let span = match *self.method {
+            Method::GET => span(self.headers, &self.etag(), length)?,
             _ => None,
         };
-        let whole = 0..self.length.unwrap_or(u64::MAX);
-        let wanted = span.clone().unwrap_or(whole);
-        let body = match self.length {
-            _ if method != Method::HEAD => body(wanted.clone()),
-            Some(_) => Body::empty(),
-            // Of a length that is not known either: an empty body would be announced as one of no bytes.
-            None => Body::from_stream(stream::empty::<io::Result<Bytes>>()),
-        };
-        let mut response = Response::new(body);
-        let answered = response.headers_mut();
-        answered.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.offer.media_type()));
-        let kind = if SHOWN.contains(&self.offer) { "inline" } else { "attachment" };
-        let disposition = format!("{kind}; filename=\"{}.{}\"", self.stem, self.offer.name);
-        if let Ok(disposition) = HeaderValue::from_str(&disposition) {
-            answered.insert(header::CONTENT_DISPOSITION, disposition);
-        }
-        answered.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-        answered.insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
-        let Some(length) = self.length else { return Ok(response) };
-        answered.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-        answered.insert(header::CONTENT_LENGTH, HeaderValue::from(wanted.end - wanted.start));
+        let wanted = span.clone().unwrap_or(0..length);
+        let mut response = Response::new(body(wanted.clone()));
+        self.describe(&mut response);
+        Self::announce(&mut response, &wanted);
         if span.is_some() {
             let range = format!("bytes {}-{}/{length}", wanted.start, wanted.end - 1);
             if let Ok(range) = HeaderValue::from_str(&range) {
-                answered.insert(header::CONTENT_RANGE, range);
+                response.headers_mut().insert(header::CONTENT_RANGE, range);
             }
             *response.status_mut() = StatusCode::PARTIAL_CONTENT;
         }
         Ok(response)
     }
+
+    fn etag(&self) -> String {
+        format!("\"{}-{}\"", self.tag, self.offer.name)
+    }
+
+    /// The headers of a representation, whatever part of it is sent.
+    fn describe(&self, response: &mut Response) {
+        let media_type = HeaderValue::from_static(self.offer.media_type());
+        response.headers_mut().insert(header::CONTENT_TYPE, media_type);
+        let kind = if SHOWN.contains(&self.offer) { "inline" } else { "attachment" };
+        response.headers_mut().insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
+        response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
+        let disposition = format!("{kind}; filename=\"{}.{}\"", self.stem, self.offer.name);
+        if let Ok(disposition) = HeaderValue::from_str(&disposition) {
+            response.headers_mut().insert(header::CONTENT_DISPOSITION, disposition);
+        }
+        self.validate(response);
+    }
+
+    fn announce(response: &mut Response, sent: &Range<u64>) {
+        response.headers_mut().insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        response.headers_mut().insert(header::CONTENT_LENGTH, HeaderValue::from(sent.end - sent.start));
+    }
+
+    fn validate(&self, response: &mut Response) {
+        validate(response, &self.etag());
+        response.headers_mut().insert(header::VARY, HeaderValue::from_static("accept"));
+    }
+}
+
+/// The headers by which a client may keep an answer and ask whether it still holds.
+pub(crate) fn validate(response: &mut Response, etag: &str) {
+    if let Ok(etag) = HeaderValue::from_str(etag) {
+        response.headers_mut().insert(header::ETAG, etag);
+    }
+    response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
 }
 
 /// The bytes `span` of a file in memory.
-pub(crate) fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
+fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
     let end = bytes.len() as u64;
     Body::from(Bytes::from(bytes).slice(span.start.min(end) as usize..span.end.min(end) as usize))
 }
@@ -230,10 +281,15 @@ mod tests {
             (PNG, "inline; filename=\"x.png\""),
             (crate::http::wire::accept::NPY, "attachment; filename=\"x.npy\""),
         ] {
-            let download = Download { offer, tag: "t".to_owned(), stem: "x".to_owned(), length: Some(1) };
-            let answer = download
-                .answer(&Method::GET, &HeaderMap::new(), Reservation::small(), |_| Body::from("1"))
-                .unwrap();
+            let headers = HeaderMap::new();
+            let plan = Plan {
+                method: &Method::GET,
+                headers: &headers,
+                offer,
+                tag: "t".to_owned(),
+                stem: "x".to_owned(),
+            };
+            let answer = plan.send(Reservation::small(), b"1".to_vec()).unwrap();
             assert_eq!(answer.headers()[header::CONTENT_DISPOSITION], expected);
             assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff");
         }

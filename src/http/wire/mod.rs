@@ -16,6 +16,7 @@ pub(super) mod owners;
 pub(super) mod pace;
 pub(super) mod paths;
 pub(super) mod problem;
+pub(super) mod problem_sets;
 pub(super) mod query;
 pub(super) mod request;
 pub(super) mod retry;

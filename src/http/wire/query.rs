@@ -1,388 +1,196 @@
-//! Arguments of a request: what exists, what is accepted, and how it is told when something is not.
-//!
-//! One table per operation drives parsing, the error messages, `GET /capabilities` and the OpenAPI document.
+//! Arguments of requests: read from queries and JSON, and shown in the OpenAPI document.
 
-use std::collections::BTreeMap;
-use std::str::FromStr;
-
-use axum::extract::Query as RawQuery;
-use axum::http::Uri;
-use serde_json::{Map, Value};
+use axum::extract::{FromRequestParts, Query};
+use axum::http::request::Parts;
+use serde_json::{Map, Value as Json};
+use utoipa::IntoParams;
 use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
 use utoipa::openapi::schema::{Object, ObjectBuilder, SchemaFormat, Type};
 use utoipa::openapi::{KnownFormat, RefOr, Required, Schema};
-use uuid::Uuid;
 
-use super::problem::{Kind as ProblemKind, Problem};
+use super::problem::{Kind, Problem};
+use crate::arguments::{Absent, Accepts, Argument, ArgumentError, Arguments, Reader, Value};
 
-/// Similarity (Jaro–Winkler, 0 to 1) from which an unknown name is taken for a slip of a known one.
-const SLIP_SIMILARITY: f64 = 0.7;
+/// Ranges that are narrower for a service than for a program on one's own machine.
+const CEILINGS: [(&str, usize); 2] = [("width", 2048), ("height", 2048)];
 
-/// What values an argument takes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Accepts {
-    /// A whole number in a closed range.
-    Integer(u64, u64),
-    /// A finite number above zero.
-    Positive,
-    /// A finite number from zero.
-    NonNegative,
-    /// Any text.
-    Text,
-    /// A number in a closed range.
-    Range(f64, f64),
-    /// `true` or `false`; in a query, the bare name means `true`.
-    Switch,
-    /// One of these words.
-    Word(&'static [&'static str]),
-    /// A UUID.
-    Id,
-}
-
-/// An argument that exists.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Argument {
-    /// Its name.
-    pub name: &'static str,
-    /// Another name for it.
-    pub alias: Option<&'static str>,
-    /// Its values.
-    pub accepts: Accepts,
-    /// Value when absent, in words if it depends on other things.
-    pub default: &'static str,
-    /// What it does, with units.
-    pub meaning: &'static str,
-}
-
-impl Accepts {
-    fn read(self, text: &str) -> Option<Value> {
-        let value = match self {
-            Self::Integer(..) => u64::from_str(text).ok()?.into(),
-            Self::Positive | Self::NonNegative | Self::Range(..) => f64::from_str(text).ok()?.into(),
-            Self::Switch => match text {
-                "true" | "1" | "" => true.into(),
-                "false" | "0" => false.into(),
-                _ => return None,
-            },
-            Self::Word(_) => text.to_ascii_lowercase().into(),
-            Self::Id | Self::Text => text.into(),
-        };
-        self.holds(&value).then_some(value)
-    }
-
-    fn holds(self, value: &Value) -> bool {
-        match self {
-            Self::Integer(least, most) => value.as_u64().is_some_and(|x| (least..=most).contains(&x)),
-            Self::Positive => value.as_f64().is_some_and(|x| x > 0.0 && x.is_finite()),
-            Self::NonNegative => value.as_f64().is_some_and(|x| x >= 0.0 && x.is_finite()),
-            Self::Text => value.is_string(),
-            Self::Range(low, high) => value.as_f64().is_some_and(|x| (low..=high).contains(&x)),
-            Self::Switch => value.is_boolean(),
-            Self::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
-            Self::Id => value.as_str().is_some_and(|text| Uuid::from_str(text).is_ok()),
+/// The arguments of `A`, within what the service accepts.
+pub(crate) fn table<A: Arguments>() -> Vec<Argument> {
+    let mut table = A::table();
+    for argument in &mut table {
+        let ceiling = CEILINGS.iter().find(|(name, _)| *name == argument.name);
+        if let (Accepts::Integer(_, most), Some((_, ceiling))) = (&mut argument.accepts, ceiling) {
+            *most = *ceiling;
         }
     }
-
-    /// What is accepted, in words.
-    #[must_use]
-    pub(crate) fn in_words(self) -> String {
-        match self {
-            Self::Integer(least, u64::MAX) => format!("a whole number from {least}"),
-            Self::Integer(least, most) => format!("a whole number from {least} to {most}"),
-            Self::Positive => "a number above 0".to_owned(),
-            Self::NonNegative => "a number from 0".to_owned(),
-            Self::Text => "text".to_owned(),
-            Self::Range(low, high) => format!("a number from {low:e} to {high:e}"),
-            Self::Switch => "true or false".to_owned(),
-            Self::Word(words) => format!("one of {}", words.join(", ")),
-            Self::Id => "a UUID".to_owned(),
-        }
-    }
-
-    /// The JSON schema of a value.
-    #[must_use]
-    pub(crate) fn schema(self) -> Object {
-        let object = ObjectBuilder::new();
-        match self {
-            Self::Integer(least, most) => {
-                let object = object.schema_type(Type::Integer).minimum(Some(least as f64));
-                if most == u64::MAX { object.build() } else { object.maximum(Some(most as f64)).build() }
-            }
-            Self::Positive => object.schema_type(Type::Number).exclusive_minimum(Some(0.0)).build(),
-            Self::NonNegative => object.schema_type(Type::Number).minimum(Some(0.0)).build(),
-            Self::Text => object.schema_type(Type::String).build(),
-            Self::Range(low, high) => {
-                object.schema_type(Type::Number).minimum(Some(low)).maximum(Some(high)).build()
-            }
-            Self::Switch => object.schema_type(Type::Boolean).build(),
-            Self::Word(words) => {
-                object.schema_type(Type::String).enum_values(Some(words.iter().copied())).build()
-            }
-            Self::Id => object
-                .schema_type(Type::String)
-                .format(Some(SchemaFormat::KnownFormat(KnownFormat::Uuid)))
-                .build(),
-        }
-    }
+    table
 }
 
-impl Argument {
-    /// The refusal of a value.
-    #[must_use]
-    pub(crate) fn refuse(&self, value: &str) -> Problem {
-        let accepted = self.accepts.in_words();
-        let shown: String = value.chars().take(80).collect();
-        Problem::new(
-            ProblemKind::InvalidParameter,
-            format!("parameter `{}` is {accepted}, not `{shown}`", self.name),
-        )
-        .with("parameter", self.name)
-        .with("accepted", accepted)
-    }
+/// The query of a request, every argument known and of the right type.
+///
+/// As an extractor it refuses a request before its body is read.
+pub(crate) struct FromQuery<A>(pub A);
 
-    fn is_called(&self, name: &str) -> bool {
-        self.name == name || self.alias == Some(name)
-    }
+impl<A: Arguments, S: Sync> FromRequestParts<S> for FromQuery<A> {
+    type Rejection = Problem;
 
-    /// As the OpenAPI document shows it.
-    #[must_use]
-    pub(crate) fn document(&self) -> Parameter {
-        ParameterBuilder::new()
-            .name(self.name)
-            .parameter_in(ParameterIn::Query)
-            .required(Required::False)
-            .description(Some(format!("{} Default: {}.", self.meaning, self.default)))
-            .schema(Some(RefOr::T(Schema::Object(self.accepts.schema()))))
-            .build()
-    }
-}
-
-/// The arguments of one request, each known and of the right type.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Arguments {
-    values: BTreeMap<&'static str, Value>,
-}
-
-impl Arguments {
-    /// Reads the query of `uri` by `tables`.
-    ///
-    /// # Errors
-    /// A problem that names the argument and what would be accepted.
-    pub(crate) fn from_query(uri: &Uri, tables: &[&'static [Argument]]) -> Result<Self, Problem> {
-        let RawQuery(pairs) = RawQuery::<Vec<(String, String)>>::try_from_uri(uri).map_err(|error| {
-            Problem::new(ProblemKind::MalformedRequest, format!("the query cannot be read: {error}"))
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Problem> {
+        let Query(pairs) = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri).map_err(|error| {
+            Problem::new(Kind::MalformedRequest, format!("the query cannot be read: {error}"))
         })?;
-        let mut arguments = Self::default();
-        for (name, text) in pairs {
-            let argument = find(&name, tables)?;
-            let value = argument.accepts.read(&text).ok_or_else(|| argument.refuse(&text))?;
-            arguments.add(argument, value)?;
-        }
-        Ok(arguments)
-    }
-
-    /// Reads the members of a JSON object by `tables`; null is the same as absent.
-    ///
-    /// # Errors
-    /// A problem that names the argument and what would be accepted.
-    pub(crate) fn from_json(
-        object: Map<String, Value>,
-        tables: &[&'static [Argument]],
-    ) -> Result<Self, Problem> {
-        let mut arguments = Self::default();
-        for (name, value) in object {
-            let argument = find(&name, tables)?;
-            if value.is_null() {
-                continue;
-            }
-            if !argument.accepts.holds(&value) {
-                return Err(argument.refuse(&value.to_string()));
-            }
-            arguments.add(argument, value)?;
-        }
-        Ok(arguments)
-    }
-
-    fn add(&mut self, argument: &'static Argument, value: Value) -> Result<(), Problem> {
-        match self.values.insert(argument.name, value) {
-            None => Ok(()),
-            Some(_) => Err(Problem::new(
-                ProblemKind::InvalidParameter,
-                format!("parameter `{}` is given twice", argument.name),
-            )
-            .with("parameter", argument.name)),
-        }
-    }
-
-    /// The values of those arguments that are in `table`.
-    #[must_use]
-    pub(crate) fn of(&self, table: &[Argument]) -> Map<String, Value> {
-        table
-            .iter()
-            .filter_map(|argument| Some((argument.name.to_owned(), self.values.get(argument.name)?.clone())))
-            .collect()
-    }
-
-    /// An integer.
-    #[must_use]
-    pub(crate) fn integer(&self, name: &str) -> Option<u64> {
-        self.values.get(name).and_then(Value::as_u64)
-    }
-
-    /// A number.
-    #[must_use]
-    pub(crate) fn number(&self, name: &str) -> Option<f64> {
-        self.values.get(name).and_then(Value::as_f64)
-    }
-
-    /// A switch.
-    #[must_use]
-    pub(crate) fn switch(&self, name: &str) -> Option<bool> {
-        self.values.get(name).and_then(Value::as_bool)
-    }
-
-    /// A word.
-    #[must_use]
-    pub(crate) fn word(&self, name: &str) -> Option<&str> {
-        self.values.get(name).and_then(Value::as_str)
-    }
-
-    /// An id.
-    #[must_use]
-    pub(crate) fn id(&self, name: &str) -> Option<Uuid> {
-        self.word(name).and_then(|text| text.parse().ok())
+        let mut reader = Reader::<A>::new(table::<A>());
+        pairs.iter().try_for_each(|(name, text)| reader.read(name, text))?;
+        Ok(Self(reader.finish()))
     }
 }
 
-fn find(name: &str, tables: &[&'static [Argument]]) -> Result<&'static Argument, Problem> {
-    let all = || tables.iter().flat_map(|table| table.iter());
-    if let Some(argument) = all().find(|argument| argument.is_called(name)) {
-        return Ok(argument);
+impl<A: Arguments> IntoParams for FromQuery<A> {
+    fn into_params(_: impl Fn() -> Option<ParameterIn>) -> Vec<Parameter> {
+        table::<A>().iter().map(document).collect()
     }
-    let shown: String = name.chars().take(80).collect();
-    let nearest = all()
-        .map(|argument| (strsim::jaro_winkler(&name.to_ascii_lowercase(), argument.name), argument.name))
-        .filter(|(similarity, _)| *similarity >= SLIP_SIMILARITY)
-        .max_by(|a, b| a.0.total_cmp(&b.0));
-    let known = all().map(|argument| argument.name).collect::<Vec<_>>();
-    let problem =
-        |detail| Problem::new(ProblemKind::UnknownParameter, detail).with("parameter", shown.clone());
-    Err(match nearest {
-        Some((_, nearest)) => {
-            problem(format!("there is no parameter `{shown}` here; did you mean `{nearest}`?"))
-                .with("nearest", nearest)
-        }
-        None if known.is_empty() => {
-            problem(format!("there is no parameter `{shown}` here; none is accepted"))
-        }
-        None => problem(format!("there is no parameter `{shown}` here; known are {}", known.join(", "))),
-    }
-    .with("accepted", known))
 }
 
-/// Declares the type that documents the query of an operation, from tables of [`Argument`]s.
-macro_rules! arguments {
-    ($(#[$meta:meta])* $name:ident = $($table:expr),+ $(,)?) => {
-        $(#[$meta])*
-        pub(crate) struct $name;
-
-        impl $name {
-            /// The tables.
-            pub(crate) const TABLES: &'static [&'static [$crate::http::wire::query::Argument]] = &[$($table),+];
-
-            /// Reads the query of `uri`.
-            ///
-            /// # Errors
-            /// As [`Arguments::from_query`]($crate::http::wire::query::Arguments::from_query).
-            pub(crate) fn read(
-                uri: &axum::http::Uri,
-            ) -> Result<$crate::http::wire::query::Arguments, $crate::http::wire::problem::Problem> {
-                $crate::http::wire::query::Arguments::from_query(uri, Self::TABLES)
+/// The arguments that the members of a JSON object are; null is the same as absent.
+///
+/// # Errors
+/// A problem that names the argument and what would be accepted.
+pub(crate) fn from_json<A: Arguments>(object: &Map<String, Json>) -> Result<A, Problem> {
+    let mut reader = Reader::<A>::new(table::<A>());
+    for (name, json) in object {
+        let shown = json.to_string();
+        let value = match json {
+            Json::Null => None,
+            Json::Bool(on) => Some(Value::Switch(*on)),
+            Json::String(text) => Some(Value::Text(text.clone())),
+            Json::Number(number) => Some(
+                (number.as_u64().and_then(|whole| usize::try_from(whole).ok()))
+                    .map_or(Value::Number(number.as_f64().unwrap_or(f64::NAN)), Value::Integer),
+            ),
+            Json::Array(_) | Json::Object(_) => {
+                reader.refuse(name, &shown)?;
+                None
             }
-        }
-
-        impl utoipa::IntoParams for $name {
-            fn into_params(
-                _: impl Fn() -> Option<utoipa::openapi::path::ParameterIn>,
-            ) -> Vec<utoipa::openapi::path::Parameter> {
-                Self::TABLES.iter().flat_map(|table| table.iter()).map(|a| a.document()).collect()
-            }
-        }
-    };
+        };
+        reader.take(name, value.as_ref(), &shown)?;
+    }
+    Ok(reader.finish())
 }
-pub(crate) use arguments;
 
-arguments!(
-    /// No query at all.
-    Nothing = &[]
-);
+impl From<ArgumentError> for Problem {
+    fn from(error: ArgumentError) -> Self {
+        let detail = error.to_string();
+        match error {
+            ArgumentError::Unknown { name, nearest, known } => {
+                let problem = Self::new(Kind::UnknownParameter, detail).with("parameter", name);
+                let problem = match nearest {
+                    Some(nearest) => problem.with("nearest", nearest),
+                    None => problem,
+                };
+                problem.with("accepted", known)
+            }
+            ArgumentError::Value { name, accepted, .. } => {
+                Self::new(Kind::InvalidParameter, detail).with("parameter", name).with("accepted", accepted)
+            }
+            ArgumentError::Twice(name) => Self::new(Kind::InvalidParameter, detail).with("parameter", name),
+        }
+    }
+}
+
+/// An argument in the OpenAPI document.
+fn document(argument: &Argument) -> Parameter {
+    let mut schema = schema(argument.accepts);
+    if let Absent::Value(shown) = argument.absent {
+        schema.default = argument.accepts.read(&shown()).map(|value| json(&value));
+    }
+    let absent = argument.absent.in_words();
+    ParameterBuilder::new()
+        .name(argument.name)
+        .parameter_in(ParameterIn::Query)
+        .required(Required::False)
+        .description(Some(format!("{} Default: {absent}.", argument.meaning)))
+        .schema(Some(RefOr::T(Schema::Object(schema))))
+        .build()
+}
+
+fn json(value: &Value) -> Json {
+    match value {
+        Value::Integer(number) => (*number).into(),
+        Value::Number(number) => (*number).into(),
+        Value::Switch(on) => (*on).into(),
+        Value::Text(text) => text.clone().into(),
+    }
+}
+
+/// The JSON schema of what is accepted.
+pub(crate) fn schema(accepts: Accepts) -> Object {
+    let object = ObjectBuilder::new();
+    match accepts {
+        Accepts::Integer(least, most) => {
+            let object = object.schema_type(Type::Integer).minimum(Some(least as f64));
+            if most == usize::MAX { object.build() } else { object.maximum(Some(most as f64)).build() }
+        }
+        Accepts::Positive => object.schema_type(Type::Number).exclusive_minimum(Some(0.0)).build(),
+        Accepts::NonNegative => object.schema_type(Type::Number).minimum(Some(0.0)).build(),
+        Accepts::Range(low, high) => {
+            object.schema_type(Type::Number).minimum(Some(low)).maximum(Some(high)).build()
+        }
+        Accepts::Switch => object.schema_type(Type::Boolean).build(),
+        Accepts::Word(words) => {
+            object.schema_type(Type::String).enum_values(Some(words.iter().copied())).build()
+        }
+        Accepts::Text | Accepts::Names => object.schema_type(Type::String).build(),
+        Accepts::Id => {
+            let format = SchemaFormat::KnownFormat(KnownFormat::Uuid);
+            object.schema_type(Type::String).format(Some(format)).build()
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::Parameters;
+    use crate::picture::View;
 
-    const TABLE: &[Argument] = &[
-        Argument {
-            name: "bases",
-            alias: None,
-            accepts: Accepts::Integer(1, 10),
-            default: "5",
-            meaning: "Number.",
-        },
-        Argument {
-            name: "tolerance",
-            alias: Some("tol"),
-            accepts: Accepts::Positive,
-            default: "1",
-            meaning: "T.",
-        },
-        Argument { name: "paper", alias: None, accepts: Accepts::Switch, default: "false", meaning: "P." },
-    ];
-
-    fn read(query: &str) -> Result<Arguments, Problem> {
-        Arguments::from_query(&format!("/x?{query}").parse().unwrap(), &[TABLE])
-    }
-
-    fn detail(query: &str) -> String {
-        read(query).unwrap_err().document(None, None).detail
+    fn read<A: Arguments>(json: &Json) -> Result<A, Problem> {
+        from_json(json.as_object().unwrap())
     }
 
     #[test]
-    fn known_arguments_are_read_by_name_and_alias() {
-        let arguments = read("bases=7&tol=1e-3&paper").unwrap();
-        assert_eq!(arguments.integer("bases"), Some(7));
-        assert_eq!(arguments.of(TABLE)["tolerance"], 1e-3);
-        assert_eq!(arguments.switch("paper"), Some(true));
-    }
-
-    #[test]
-    fn an_unknown_argument_is_refused_with_the_nearest_known() {
-        assert!(detail("basis=3").contains("did you mean `bases`"), "{}", detail("basis=3"));
-        assert!(detail("zzz=3").contains("known are bases, tolerance, paper"), "{}", detail("zzz=3"));
-    }
-
-    #[test]
-    fn a_value_out_of_range_is_refused_with_the_range() {
-        for query in ["bases=0", "bases=11", "bases=-1", "bases=many", "bases=", "bases=2.5"] {
-            assert!(detail(query).contains("a whole number from 1 to 10"), "{query}");
+    fn json_members_follow_the_same_table_as_queries() {
+        let parameters: Parameters = read(&serde_json::json!({"bases": 3, "paper": null})).unwrap();
+        assert_eq!(parameters, Parameters { bases: 3, ..Parameters::default() });
+        let whole: Parameters = read(&serde_json::json!({"t": 2})).unwrap();
+        assert_eq!(whole.t, Some(2.0));
+        for refused in [
+            serde_json::json!({"bases": "3"}),
+            serde_json::json!({"bases": 3.5}),
+            serde_json::json!({"bases": [3]}),
+            serde_json::json!({"base": 3}),
+            serde_json::json!({"tol": 1e-3, "tolerance": 1e-3}),
+        ] {
+            assert!(read::<Parameters>(&refused).is_err(), "{refused}");
         }
-        for query in ["tolerance=0", "tolerance=-1", "tolerance=nan", "tolerance=inf"] {
-            assert!(detail(query).contains("a number above 0"), "{query}");
+    }
+
+    #[test]
+    fn pictures_of_the_service_are_smaller_than_on_ones_own_machine() {
+        assert!(read::<View>(&serde_json::json!({"width": 2048})).is_ok());
+        assert!(read::<View>(&serde_json::json!({"width": 2049})).is_err());
+        assert!(View::table().iter().any(|argument| argument.accepts.holds(&Value::Integer(2049))));
+    }
+
+    #[test]
+    fn documented_defaults_are_of_the_documented_type() {
+        for argument in Parameters::table().iter().chain(&View::table()) {
+            let schema = serde_json::to_value(document(argument)).unwrap()["schema"].clone();
+            let is_typed = match &schema["default"] {
+                Json::Null => matches!(argument.absent, Absent::Words(_)),
+                Json::Number(_) => ["integer", "number"].contains(&schema["type"].as_str().unwrap()),
+                Json::Bool(_) => schema["type"] == "boolean",
+                other => schema["enum"].as_array().unwrap().contains(other),
+            };
+            assert!(is_typed, "{}: {schema}", argument.name);
         }
-        assert!(detail("paper=maybe").contains("true or false"));
-    }
-
-    #[test]
-    fn an_argument_given_twice_is_refused_also_under_its_alias() {
-        assert!(detail("tol=1&tolerance=2").contains("given twice"));
-    }
-
-    #[test]
-    fn json_members_follow_the_same_table() {
-        let object = |json: Value| json.as_object().cloned().unwrap();
-        let read = |json| Arguments::from_json(object(json), &[TABLE]);
-        assert_eq!(read(serde_json::json!({"bases": 3, "paper": null})).unwrap().integer("bases"), Some(3));
-        assert!(read(serde_json::json!({"bases": "3"})).is_err());
-        assert!(read(serde_json::json!({"base": 3})).is_err());
     }
 }

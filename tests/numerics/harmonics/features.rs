@@ -5,7 +5,7 @@ use std::io::Write as _;
 use chladni::cloud::reader::{Format, ReadOptions, read};
 use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
 use chladni::cloud::{NonFinite, PointCloud};
-use chladni::harmonics::Surroundings;
+use chladni::harmonics::Neighborhoods;
 use chladni::harmonics::features::{self, Feature, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
 use chladni::operator::OperatorKind::{self, Graph, PbMhb};
 
@@ -15,13 +15,13 @@ use crate::{hashed, parameters};
 /// Feature points of a cloud, and its covering radius.
 fn features_of(cloud: &PointCloud, basis: &Basis) -> (Vec<Feature>, f64) {
     let epsilon = basis.analysis.report.sampling.epsilon;
-    let surroundings = Surroundings::find(cloud, &basis.mass, RADIUS_IN_EPSILON * epsilon).unwrap();
+    let neighborhoods = Neighborhoods::find(cloud, &basis.mass, RADIUS_IN_EPSILON * epsilon).unwrap();
     let area: f64 = basis.mass.iter().filter(|mass| !mass.is_nan()).sum();
     let first = basis.modes.zero_modes();
     let extrema: Vec<_> =
-        basis.columns[first..].iter().map(|h| features::extrema(h, &surroundings, area)).collect();
-    let places = features::features(&extrema, first, &surroundings, PERSISTENCE_MIN);
-    (places.iter().map(|place| place.in_cloud(&surroundings, cloud)).collect(), epsilon)
+        basis.columns[first..].iter().map(|h| features::extrema(h, &neighborhoods, area)).collect();
+    let places = features::features(&extrema, first, &neighborhoods, PERSISTENCE_MIN);
+    (places.iter().map(|place| place.in_cloud(&neighborhoods, cloud)).collect(), epsilon)
 }
 
 fn distance(p: &[f64], q: &[f64]) -> f64 {

@@ -160,7 +160,7 @@ fn rotated(q: &Quaternion, v: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| v[axis] + 2.0 * (q.w * once[axis] + twice[axis]))
 }
 
-/// The name of a field; `None` for what is no field of its own.
+/// The name of a field; `None` for what is not a field of its own.
 fn field(name: &RecordName) -> Option<String> {
     let known = match name {
         RecordName::Intensity => "intensity",

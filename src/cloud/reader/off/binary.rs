@@ -10,7 +10,7 @@ use crate::cloud::reader::ply::ByteOrder;
 use crate::cloud::reader::polygons::{Triangles, corner};
 use crate::cloud::reader::{Location, ReadError, ReadOptions};
 
-/// Offset of the counts: behind the first line that is no comment.
+/// Offset of the counts: behind the first line that is not a comment.
 pub(super) fn body(bytes: &[u8]) -> usize {
     let mut at = 0;
     loop {

@@ -125,7 +125,7 @@ fn a_header_with_holes_is_refused_by_its_line() {
     assert!(message(half).contains("type F of 2 bytes"));
     assert!(message(b"VERSION 0.7\nPOINTS 3\n").contains("the line DATA is missing"));
     assert!(message(b"VERSION 0.7\nPOINTS many\n").contains("`many` is not a number of points"));
-    assert!(message(b"VERSION 0.7\nNONSENSE\n").contains("`NONSENSE` is no line of a PCD header"));
+    assert!(message(b"VERSION 0.7\nNONSENSE\n").contains("`NONSENSE` is not a line of a PCD header"));
     let without_x = b"FIELDS a\nSIZE 4\nTYPE F\nPOINTS 1\nDATA ascii\n1\n";
     assert!(message(without_x).contains("FIELDS needs x, y and z"));
 }

@@ -115,7 +115,7 @@ impl Header {
                 }
                 _ => {
                     let message = format!(
-                        "{} is no header line; format, comment, obj_info, element, property and end_header are",
+                        "{} is not a header line; format, comment, obj_info, element, property and end_header are",
                         shown(line.text)
                     );
                     return Err(ReadError::line(FORMAT, line.number, message));
@@ -140,7 +140,7 @@ impl Header {
         wide.map(|(name, _)| super::field_name(name, vertex)).collect()
     }
 
-    /// What of the file is no part of a cloud.
+    /// What of the file is not a part of a cloud.
     pub(super) fn left_out(&self) -> Vec<String> {
         let mut notes = Vec::new();
         for element in self.elements.iter().filter(|element| element.count > 0) {

@@ -213,7 +213,7 @@ fn a_malformed_header_is_refused_by_line() {
         ),
         ("ply\nelement vertex 1\nproperty float\n", "PLY, line 3: a property without a name"),
         ("ply\nelement vertex 1\nproperty\n", "PLY, line 3: a property without a type"),
-        ("ply\nnonsense\n", "PLY, line 2: `nonsense` is no header line"),
+        ("ply\nnonsense\n", "PLY, line 2: `nonsense` is not a header line"),
         ("ply\nend_header\n", "PLY, line 2: the header has no format line"),
         ("ply\nformat ascii 1.0\n", "PLY, line 2: the file ends too early: the line `end_header` is missing"),
         ("ply\nformat ascii 1.0\nend_header\n", "PLY, line 3: no `element vertex`"),

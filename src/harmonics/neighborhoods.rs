@@ -13,14 +13,14 @@ const NEIGHBORS_MAX: usize = 48;
 /// The points around every point that carries a result: those within a radius, at least the 6 and at most the 48
 /// nearest. Distinct points only; rows without a result neither have neighbors nor are some.
 #[derive(Debug, Clone)]
-pub struct Surroundings {
+pub struct Neighborhoods {
     points: Points,
     radius: f64,
     offsets: Vec<usize>,
     neighbors: Vec<u32>,
 }
 
-impl Surroundings {
+impl Neighborhoods {
     /// Looks them up in a ball of `radius`, in units of the cloud. `mass` tells the rows that carry a result.
     ///
     /// # Errors

@@ -1,26 +1,27 @@
 //! What every request for a job's result has in common: arguments, the format to answer in, and a job that has finished.
 
-use std::collections::BTreeMap;
-use std::marker::PhantomData;
+use std::time::Duration;
 
 use axum::extract::{FromRequestParts, Path};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, Method, Uri};
-use utoipa::IntoResponses;
-use utoipa::openapi::response::ResponseBuilder;
-use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, Schema};
+use axum::http::{HeaderMap, Method};
+use utoipa::IntoParams;
+use utoipa::openapi::path::{Parameter, ParameterIn};
 use uuid::Uuid;
 
+use super::offered::{Offered, Resource};
 use super::view;
 use crate::analysis::JobKind;
+use crate::arguments::groups;
 use crate::harmonics::Modes;
 use crate::http::service::Shared;
-use crate::http::wait;
+use crate::http::wait::{self, Wait};
 use crate::http::wire::accept::{self, JSON, NPY, Offer, PLY, PNG};
+use crate::http::wire::download::Plan;
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::owners;
-use crate::http::wire::problem::{self, Kind, Problem};
-use crate::http::wire::query::{Accepts, Argument, Arguments};
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::query::FromQuery;
 use crate::jobs::StoredBases;
 use crate::spectrum::Spectrum;
 use crate::store::{JobRecord, Owner};
@@ -30,84 +31,94 @@ pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
 /// Bytes of a number as JSON text, comma included: 17 digits, sign, point, and often an exponent.
 const JSON_NUMBER_BYTES: u64 = 22;
 
-/// The argument that chooses the format of an answer.
-pub(crate) const fn format(
-    words: &'static [&'static str],
-    default: &'static str,
-    meaning: &'static str,
-) -> Argument {
-    Argument { name: "format", alias: None, accepts: Accepts::Word(words), default, meaning }
+groups! {
+    /// The query of a request for a result.
+    #[derive(Debug)]
+    pub(crate) struct Query<R> where R: Resource {
+        /// Arguments and format.
+        offered: Offered<R>,
+        /// Waiting for the job's end.
+        wait: Wait,
+    }
 }
 
-/// A result of jobs: what it can be had as, and what may be asked of it.
-pub(crate) trait Resource: Send + 'static {
-    /// Formats, the default first.
-    const OFFERS: &'static [Offer];
-
-    /// Reads the query.
-    ///
-    /// # Errors
-    /// A problem that names the argument and what would be accepted.
-    fn arguments(uri: &Uri) -> Result<Arguments, Problem>;
+groups! {
+    /// The query of a request for a result under a file name.
+    #[derive(Debug)]
+    struct FileQuery<R> where R: Resource {
+        /// Arguments.
+        arguments: R,
+        /// Waiting for the job's end.
+        wait: Wait,
+    }
 }
 
-/// A request for the result R of a job, parsed.
-pub(crate) struct Asked<R> {
+/// A request for the result of a job of which R are the arguments.
+pub(crate) struct ResultRequest<R> {
     /// What the handlers work with.
     pub service: Shared,
     /// The job as named in the path.
     pub id: String,
     /// How to answer.
     pub offer: Offer,
-    /// The query.
-    pub arguments: Arguments,
+    /// The arguments.
+    pub arguments: R,
+    /// How long to wait for the job's end.
+    pub wait: Duration,
     /// GET, HEAD or POST.
     pub method: Method,
     /// The request's headers.
     pub headers: HeaderMap,
     /// Whose request it is.
     pub owner: Owner,
-    resource: PhantomData<fn() -> R>,
 }
 
-impl<R: Resource> FromRequestParts<Shared> for Asked<R> {
+impl<R: Resource> FromRequestParts<Shared> for ResultRequest<R> {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, service: &Shared) -> Result<Self, Problem> {
-        let arguments = R::arguments(&parts.uri)?;
-        let offer = accept::choose(arguments.word("format"), &parts.headers, R::OFFERS)?;
-        let path = Path::<String>::from_request_parts(parts, service).await;
-        let Path(id) = path.map_err(|rejection| Problem::new(Kind::NotFound, rejection.body_text()))?;
-        let (method, headers) = (parts.method.clone(), parts.headers.clone());
-        let (service, owner) = (service.clone(), owners::owner(&parts.extensions));
-        Ok(Self { service, id, offer, arguments, method, headers, owner, resource: PhantomData })
+        let FromQuery(Query { offered, wait }) =
+            FromQuery::<Query<R>>::from_request_parts(parts, service).await?;
+        let offer = accept::choose(offered.format, &parts.headers, R::OFFERS)?;
+        Self::new(parts, service, offered.arguments, offer, wait).await
     }
 }
 
-impl<R: Resource> Asked<R> {
-    /// The same under a file name with the ending `ending`; `None` when it is not offered in that format.
+impl<R: Resource> IntoParams for ResultRequest<R> {
+    fn into_params(parameter_in: impl Fn() -> Option<ParameterIn>) -> Vec<Parameter> {
+        FromQuery::<Query<R>>::into_params(parameter_in)
+    }
+}
+
+impl<R: Resource> ResultRequest<R> {
+    async fn new(
+        parts: &mut Parts,
+        service: &Shared,
+        arguments: R,
+        offer: Offer,
+        wait: Wait,
+    ) -> Result<Self, Problem> {
+        let ids = Path::<Vec<(String, String)>>::from_request_parts(parts, service).await;
+        let Path(ids) = ids.map_err(|rejection| Problem::new(Kind::NotFound, rejection.body_text()))?;
+        let id = ids.into_iter().find(|(name, _)| name == "id").map(|(_, id)| id).unwrap_or_default();
+        let (method, headers) = (parts.method.clone(), parts.headers.clone());
+        let (service, owner) = (service.clone(), owners::owner(&parts.extensions));
+        Ok(Self { service, id, offer, arguments, wait: wait.time(), method, headers, owner })
+    }
+
+    /// The request for a file whose ending names the format: `?format=` and `Accept` have no say.
     ///
     /// # Errors
     /// A problem with the query.
-    pub(crate) fn as_file(
-        service: &Shared,
-        id: &str,
-        ending: &str,
-        (method, uri, headers, owner): (&Method, &Uri, &HeaderMap, &Owner),
-    ) -> Result<Option<Self>, Problem> {
-        let Some(offer) = R::OFFERS.iter().find(|offer| offer.name == ending).copied() else {
-            return Ok(None);
-        };
-        Ok(Some(Self {
-            service: service.clone(),
-            id: id.to_owned(),
-            offer,
-            arguments: R::arguments(uri)?,
-            method: method.clone(),
-            headers: headers.clone(),
-            owner: owner.clone(),
-            resource: PhantomData,
-        }))
+    pub(crate) async fn of_file(parts: &mut Parts, service: &Shared, offer: Offer) -> Result<Self, Problem> {
+        let FromQuery(FileQuery { arguments, wait }) =
+            FromQuery::<FileQuery<R>>::from_request_parts(parts, service).await?;
+        Self::new(parts, service, arguments, offer, wait).await
+    }
+
+    /// The answer to come, named by what determines it.
+    pub(crate) fn plan(&self, tag: String, stem: String) -> Plan<'_> {
+        Plan { method: &self.method, headers: &self.headers, offer: self.offer, tag, stem }
     }
 
     /// The job, once it has succeeded.
@@ -115,7 +126,7 @@ impl<R: Resource> Asked<R> {
     /// # Errors
     /// A problem that tells the state of a job without a result.
     pub(crate) async fn job(&self) -> Result<JobRecord, Problem> {
-        wait::finished(&self.service, &self.id, wait::wait(&self.arguments)).await
+        wait::finished(&self.service, &self.id, self.wait).await
     }
 
     /// The job and its spectrum, once it has succeeded.
@@ -159,7 +170,7 @@ impl<R: Resource> Asked<R> {
         // The cloud, the functions on it, and what becomes of them: text of three times the size, or a picture.
         let answer = match self.offer {
             JSON => 10 * cloud,
-            PNG => 3 * cloud + view::bytes(&view::read(&self.arguments), job.points),
+            PNG => 3 * cloud + view::bytes(&self.arguments.view(), job.points),
             _ => 3 * cloud,
         };
         reservation.add(bases.bytes_at_work() + answer).await?;
@@ -258,29 +269,6 @@ pub(crate) fn check_kept(job: &JobRecord) -> Result<(), Problem> {
     .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) })))
 }
 
-/// Problems that every request for a job's result may meet, for the OpenAPI document.
-pub(crate) struct ResultProblems;
-
-impl IntoResponses for ResultProblems {
-    fn responses() -> BTreeMap<String, RefOr<Response>> {
-        let problem = |(status, description): (&str, &str)| {
-            let schema = RefOr::<Schema>::Ref(Ref::from_schema_name("Problem"));
-            let content = ContentBuilder::new().schema(Some(schema)).build();
-            let response =
-                ResponseBuilder::new().description(description).content(problem::MEDIA_TYPE, content);
-            (status.to_owned(), RefOr::T(response.build()))
-        };
-        let problems = [
-            ("404", "No such job."),
-            ("406", "None of the formats is acceptable, or JSON would be too large."),
-            ("409", "The job has no such result, or not yet."),
-            ("422", "A parameter is not accepted."),
-            ("503", "The service makes as many answers as it has memory for."),
-        ];
-        problems.into_iter().map(problem).collect()
-    }
-}
-
 /// A tag that names an answer by what determines it.
 pub(crate) fn tag(job: Uuid, parts: &impl serde::Serialize) -> String {
     use sha2::{Digest, Sha256};
@@ -288,21 +276,3 @@ pub(crate) fn tag(job: Uuid, parts: &impl serde::Serialize) -> String {
     let digest = Sha256::digest(&text);
     format!("{}-{}", job.simple(), Uuid::from_slice(&digest[..16]).unwrap_or_default().simple())
 }
-
-/// Declares a result of jobs: the type that documents its query, and what it can be had as.
-macro_rules! resource {
-    ($(#[$meta:meta])* $name:ident: $offers:expr, $($table:expr),+ $(,)?) => {
-        $crate::http::wire::query::arguments!($(#[$meta])* $name = $($table,)+ $crate::http::wait::WAIT);
-
-        impl $crate::http::results::asked::Resource for $name {
-            const OFFERS: &'static [$crate::http::wire::accept::Offer] = &$offers;
-
-            fn arguments(
-                uri: &axum::http::Uri,
-            ) -> Result<$crate::http::wire::query::Arguments, $crate::http::wire::problem::Problem> {
-                Self::read(uri)
-            }
-        }
-    };
-}
-pub(crate) use resource;

@@ -8,16 +8,16 @@ use tokio::sync::oneshot;
 
 use super::JobsSettings;
 use super::task::Task;
-use crate::store::{Claim, Heartbeat, Store, StoreError};
+use crate::store::{Claim, Order, Store, StoreError};
 
 /// Beats until it is dropped, or until it hears that the job is to end.
-pub(super) struct Pulse {
-    /// Dropped with the pulse, which ends the thread.
+pub(super) struct Heartbeat {
+    /// Dropped with the heartbeat, which ends the thread.
     _life: mpsc::Sender<()>,
-    heard: oneshot::Receiver<Heartbeat>,
+    heard: oneshot::Receiver<Order>,
 }
 
-impl Pulse {
+impl Heartbeat {
     /// Starts the thread. What it hears it passes on to the computation itself, at once.
     pub(super) fn start(
         store: Store,
@@ -28,7 +28,7 @@ impl Pulse {
         let (life, alive) = mpsc::channel::<()>();
         let (tell, heard) = oneshot::channel();
         let beating = Beating { store, claim, task, settings: settings.clone(), runtime: Handle::current() };
-        std::thread::Builder::new().name("pulse".to_owned()).spawn(move || {
+        std::thread::Builder::new().name("heartbeat".to_owned()).spawn(move || {
             if let Some(order) = beating.until_ordered(&alive) {
                 // The order first: whoever sees the computation end for it finds it there. Nobody may, when the job has
                 // ended by itself meanwhile.
@@ -39,12 +39,12 @@ impl Pulse {
         Ok(Self { _life: life, heard })
     }
 
-    /// Waits for an order to end: [`Heartbeat::Cancel`] or [`Heartbeat::Lost`].
-    pub(super) async fn order(&mut self) -> Heartbeat {
+    /// Waits for an order to end: [`Order::Cancel`] or [`Order::Lost`].
+    pub(super) async fn order(&mut self) -> Order {
         match (&mut self.heard).await {
             Ok(order) => order,
-            // A thread that panicked: without a pulse the lease runs out.
-            Err(_) => Heartbeat::Lost,
+            // A thread that panicked: without a heartbeat the lease runs out.
+            Err(_) => Order::Lost,
         }
     }
 }
@@ -58,7 +58,7 @@ struct Beating {
 }
 
 impl Beating {
-    fn until_ordered(&self, alive: &mpsc::Receiver<()>) -> Option<Heartbeat> {
+    fn until_ordered(&self, alive: &mpsc::Receiver<()>) -> Option<Order> {
         let mut beaten: Option<Instant> = None;
         loop {
             let due = beaten.is_none_or(|last| last.elapsed() >= self.settings.heartbeat);
@@ -66,23 +66,23 @@ impl Beating {
                 beaten = Some(Instant::now());
             }
             match self.runtime.block_on(self.beat(due)) {
-                Ok(Heartbeat::Continue) => {}
+                Ok(Order::Continue) => {}
                 Ok(order) => return Some(order),
                 // The next beat may succeed; if none does, the lease runs out.
                 Err(error) => tracing::warn!(job = %self.claim.job.id, %error, "a heartbeat failed"),
             }
-            match alive.recv_timeout(self.settings.pulse) {
+            match alive.recv_timeout(self.settings.order_poll) {
                 Err(RecvTimeoutError::Timeout) => {}
                 Ok(()) | Err(RecvTimeoutError::Disconnected) => return None,
             }
         }
     }
 
-    async fn beat(&self, due: bool) -> Result<Heartbeat, StoreError> {
+    async fn beat(&self, due: bool) -> Result<Order, StoreError> {
         if due {
             self.store.heartbeat(&self.claim, &self.task.vitals()).await
         } else {
-            self.store.pulse(&self.claim).await
+            self.store.order(&self.claim).await
         }
     }
 }

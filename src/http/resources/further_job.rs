@@ -1,0 +1,103 @@
+//! Queueing a further job on a stored cloud.
+
+use axum::extract::{Path, State};
+use axum::http::Uri;
+use axum::response::Response;
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use super::idempotency::{IdempotencyKey, Key};
+use super::submission::{JobArguments, Submission, answer, remember, replayed};
+use crate::analysis::{JobKind, Parameters, admit, admit_lowered};
+use crate::http::notation::parse_id;
+use crate::http::service::Shared;
+use crate::http::wait::preferred_wait;
+use crate::http::wire::body::{IncomingBody, Received};
+use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::problem_sets::{CloudProblems, SubmissionProblems};
+use crate::http::wire::query::{FromQuery, from_json};
+
+/// Memory of a cloud and of what is looked at of it before an analysis, over the cloud's.
+const ADMISSION_FACTOR: u64 = 4;
+/// JSON of parameters is small.
+const JOB_BYTES_MAX: u64 = 64 << 10;
+
+/// Parameters of a job: the fields of the query of `POST /clouds`.
+#[derive(Debug, ToSchema)]
+#[allow(dead_code)] // names the request body in the OpenAPI document
+pub(crate) struct JobRequest {
+    /// What the job computes.
+    #[schema(default = "eigen")]
+    kind: Option<JobKind>,
+    /// Its parameters, beside `kind`.
+    #[serde(flatten)]
+    parameters: Parameters,
+}
+
+/// Queues a job on a stored cloud.
+///
+/// The body is a JSON object of parameters; an empty body takes all defaults.
+#[utoipa::path(
+    post,
+    path = "/clouds/{id}/jobs",
+    tag = "jobs",
+    params(("id" = Uuid, Path, description = "The cloud."), IdempotencyKey),
+    request_body(content = Option<JobRequest>, description = "Parameters."),
+    responses(
+        (status = 202, description = "Queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
+        (status = 200, description = "The same analysis is there already.", body = Submission),
+        SubmissionProblems,
+        CloudProblems,
+    )
+)]
+pub(crate) async fn post_job(
+    State(service): State<Shared>,
+    Path(id): Path<String>,
+    query: Result<FromQuery<()>, Problem>,
+    uri: Uri,
+    body: IncomingBody,
+) -> Result<Response, Problem> {
+    query.map_err(|_| {
+        let told = "the query has no parameters here; those of a job are sent as JSON: curl -d '{\"bases\": 50}' URL";
+        Problem::new(Kind::UnknownParameter, told)
+    })?;
+    let id = parse_id(&id)?;
+    let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
+    let headers = body.headers().clone();
+    let Received { bytes: body, mut reservation } = body.receive(JOB_BYTES_MAX).await?;
+    let key = Key::of(&headers, &uri, &body)?;
+    if let Some(answered) = replayed(&service, &owner, key.as_ref(), wait).await? {
+        return Ok(answered);
+    }
+    let asked = job_arguments(&body)?;
+    let lowers = !asked.parameters.is_bases_given;
+    let (kind, mut parameters) = asked.checked(service.limits.bases_max)?;
+    // The cloud, and its points without those at the same place.
+    reservation.add(ADMISSION_FACTOR * service.store.cloud(id).await?.bytes()).await?;
+    let cloud = service.store.load_cloud(id).await?;
+    let admitted = move || {
+        if lowers { admit_lowered(&cloud, &mut parameters) } else { admit(&cloud, &parameters) }
+            .map(|_| parameters)
+    };
+    let parameters = service.reading.run(admitted).await??;
+    drop(reservation);
+    let submitted = service.store.submit_job(id, kind, parameters).await?;
+    remember(&service, &owner, key.as_ref(), &submitted).await?;
+    answer(&service, submitted, wait).await
+}
+
+fn job_arguments(bytes: &[u8]) -> Result<JobArguments, Problem> {
+    let malformed = |detail: String| Problem::new(Kind::MalformedRequest, detail);
+    if bytes.trim_ascii().is_empty() {
+        return Ok(JobArguments::default());
+    }
+    let json: Value = serde_json::from_slice(bytes).map_err(|error| {
+        malformed(format!("the body is not JSON ({error}); send parameters as in {{\"bases\": 50}}"))
+    })?;
+    let Value::Object(object) = json else {
+        return Err(malformed(
+            "the body is not a JSON object; send parameters as in {\"bases\": 50}".to_owned(),
+        ));
+    };
+    from_json(&object)
+}
