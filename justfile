@@ -50,6 +50,11 @@ api:
     .ci/tool schemathesis schemathesis==4.32.5
     target/tools/schemathesis/bin/python .ci/schemathesis.py target/release/chladni
 
+# Clients that others generate from openapi.yaml, against the running service
+clients:
+    cargo build --locked --release
+    .ci/clients/run target/release/chladni
+
 # Files of other programs, both ways
 formats:
     cargo build --locked --release

@@ -514,7 +514,10 @@ fn a_wrong_value_is_told_with_its_flag_and_its_variable() {
     let told = refused("serve --listen nowhere", &[]);
     assert!(told.contains("not an address; 127.0.0.1:8080, localhost:8080 and 8080 are"), "{told}");
     let told = refused("analyze a.ply -o out --bases -3", &[]);
-    assert!(told.contains("'-3' for '--bases <K>'") && told.contains("a whole number from 0"), "{told}");
+    assert!(
+        told.contains("'-3' for '--bases <N>'") && told.contains("a whole number from 1 to 10000"),
+        "{told}"
+    );
     let told = refused("analyze a.ply -o out --quite", &[]);
     assert!(told.contains("--quiet") && !told.contains("as a value"), "{told}");
 }

@@ -27,11 +27,11 @@ use crate::operator::{Distance, HeatKernel, OperatorKind, Parameterization, grap
 #[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "lowercase")]
 pub enum JobKind {
-    /// Builds and diagnoses the operator; its matrices Q and B can be fetched.
-    Operator,
     /// Builds the operator, then computes bases and spectrum.
     #[default]
     Eigen,
+    /// Builds and diagnoses the operator; its matrices Q and B can be fetched.
+    Operator,
 }
 
 /// Most bases that any configuration may allow.

@@ -77,6 +77,7 @@ fn requests(own: &Own, other: &str) -> Vec<(Method, String, String)> {
             let id = match path.as_str() {
                 path if path.starts_with("/clouds/") => &own.cloud,
                 "/jobs/{id}/laplacian" => &own.operator,
+                path if path.starts_with("/jobs/{id}/operator.") => &own.operator,
                 _ => &own.eigen,
             };
             let filled = path
