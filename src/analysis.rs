@@ -28,7 +28,7 @@ use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
 
 use crate::cloud::PointCloud;
-use crate::geometry::cells::{CellKind, CellOptions};
+use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::{Rules, Survey};
 use crate::geometry::{Frames, Points, Sampling, cells, components, frames};
@@ -102,14 +102,6 @@ pub fn analyze_by(
         Some(stars) => stars.cells(&points),
         None => cells(&points, &tree, &nearest, &frames, options, progress)?,
     };
-    if parameters.operator.measures_cells() && cells.count(CellKind::Invalid) == points.len() {
-        return Err(AnalysisError::Cloud(format!(
-            "none of the {} Voronoi cells could be measured: around no point do its neighbors lie on a {}-dimensional \
-             manifold (`dimension`)",
-            points.len(),
-            parameters.dimension
-        )));
-    }
     let fidelity = surveyed
         .as_ref()
         .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));

@@ -77,7 +77,9 @@ fn check_bases(parameters: &Parameters, points: usize) -> Result<(), AnalysisErr
     let bases = parameters.bases;
     let refuse = |reason| Err(AnalysisError::Parameter { name: "bases", reason });
     if bases > points {
-        return refuse(format!("requested {bases} bases, but {points} distinct points allow at most {points}"));
+        return refuse(format!(
+            "requested {bases} bases, but {points} distinct points allow at most {points}"
+        ));
     }
     let dense_max = dense_max(parameters);
     if bases > bases_max(parameters, points) {

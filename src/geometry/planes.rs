@@ -92,10 +92,10 @@ impl Frames {
                 neighbors[..NEIGHBORS.min(neighbors.len())].iter().filter(|q| off(q)).count() >= OFF_MIN
             };
             self.tangents.par_chunks_mut(6).with_min_len(256).enumerate().for_each(|(i, frame)| {
-                if layered(i, nearest.of(i)) {
-                    if let Some(normal) = better_normal(points, i, nearest.of(i), &normals) {
-                        turn(frame, normal);
-                    }
+                if layered(i, nearest.of(i))
+                    && let Some(normal) = better_normal(points, i, nearest.of(i), &normals)
+                {
+                    turn(frame, normal);
                 }
             });
         }

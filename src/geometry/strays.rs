@@ -134,7 +134,7 @@ mod tests {
         let mut rings = vec![[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
         for ring in 1..40 {
             for k in 0..80 {
-                let (theta, phi) = (0.5 * ring as f64 / 20.0, f64::from(k) / 40.0);
+                let (theta, phi) = (0.5 * f64::from(ring) / 20.0, f64::from(k) / 40.0);
                 let ((s, z), (y, x)) =
                     ((theta * std::f64::consts::PI).sin_cos(), (phi * std::f64::consts::PI).sin_cos());
                 rings.push([s * x, s * y, z]);

@@ -61,6 +61,6 @@ impl Description {
 ///
 /// # Errors
 /// When it cannot be written.
-pub fn yaml(document: &OpenApi) -> Result<String, impl std::fmt::Display> {
+pub fn yaml(document: &OpenApi) -> Result<String, impl std::error::Error> {
     document.to_yaml().map(|yaml| generators::for_either_version(&yaml))
 }

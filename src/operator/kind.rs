@@ -85,12 +85,6 @@ impl OperatorKind {
         matches!(self, Self::Graph | Self::Kirchhoff | Self::Tutte)
     }
 
-    /// Whether the areas of Voronoi cells weigh its points.
-    #[must_use]
-    pub const fn measures_cells(self) -> bool {
-        matches!(self, Self::PbMhb | Self::Voronoi)
-    }
-
     /// Whether it triangulates every point's neighborhood by itself.
     #[must_use]
     pub const fn is_pcd(self) -> bool {

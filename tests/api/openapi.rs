@@ -12,7 +12,7 @@ fn document() -> Value {
 }
 
 fn yaml() -> String {
-    chladni::http::yaml(&chladni::http::document()).unwrap_or_else(|error| panic!("{error}"))
+    chladni::http::yaml(&chladni::http::document()).unwrap()
 }
 
 /// Every operation with its method and path.

@@ -86,9 +86,10 @@ pub(crate) async fn points(
     let ReadPoints { ply: Ply { encoding }, rows, view } = arguments;
     let omits = rows.nonfinite == Unplaced::Omit;
     let is_streamed = offer == NPY || (offer == PLY && encoding == Encoding::Binary);
-    let tag = match is_streamed {
-        true => request::tag(id, &omits),
-        false => request::tag(id, &(encoding, omits, view::key(&view))),
+    let tag = if is_streamed {
+        request::tag(id, &omits)
+    } else {
+        request::tag(id, &(encoding, omits, view::key(&view)))
     };
     let plan = Plan { method: &method, headers: &headers, offer, tag, stem: format!("cloud-{id}") };
     let stored = service.store.cloud(id).await?;
