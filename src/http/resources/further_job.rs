@@ -1,4 +1,4 @@
-//! Queueing a further job on a stored cloud.
+//! Queuing a further job on a stored cloud.
 
 use axum::extract::{Path, State};
 use axum::http::Uri;
