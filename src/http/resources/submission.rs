@@ -132,12 +132,6 @@ pub(crate) struct Submission {
     links: BTreeMap<&'static str, String>,
 }
 
-/// A file of points.
-#[derive(Debug, ToSchema)]
-#[schema(value_type = String, format = Binary)]
-#[allow(dead_code)] // names the request body in the OpenAPI document
-pub(crate) struct CloudFile(Vec<u8>);
-
 /// A form whose first file is the cloud.
 #[derive(Debug, ToSchema)]
 #[allow(dead_code)] // names the request body in the OpenAPI document
@@ -156,7 +150,7 @@ pub(crate) struct CloudForm {
     path = "/clouds",
     tag = "clouds",
     params(FromQuery<SubmitCloud>, IdempotencyKey),
-    request_body(content((CloudFile = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
+    request_body(content((String = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
@@ -179,7 +173,7 @@ pub(crate) async fn post_cloud(
     path = "/clouds",
     tag = "clouds",
     params(FromQuery<SubmitCloud>, IdempotencyKey),
-    request_body(content((CloudFile = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
+    request_body(content((String = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
@@ -204,7 +198,7 @@ pub(crate) async fn put_cloud(
     path = "/clouds/{id}",
     tag = "clouds",
     params(("id" = String, Path, description = "The file's name."), FromQuery<SubmitCloud>, IdempotencyKey),
-    request_body(content((CloudFile = "application/octet-stream")), description = "The file."),
+    request_body(content((String = "application/octet-stream")), description = "The file."),
     responses(
         (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
         (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
