@@ -60,6 +60,7 @@ pub fn analyze(
 ///
 /// # Errors
 /// [`AnalysisError`].
+#[allow(clippy::too_many_lines)] // all stages on one screen
 pub fn analyze_by(
     rules: Rules,
     cloud: &PointCloud,
@@ -180,7 +181,7 @@ fn eigenpairs(
     report: &mut Report,
     progress: &Progress,
 ) -> Result<Eigenbasis, AnalysisError> {
-    let count = Bases::of(parameters, points.len(), active.len());
+    let count = Bases::of(parameters, report.points_used + report.isolated, active.len());
     report.warnings.extend(count.warning());
     let (heat_kernel, plateau, structure) = (laplacian.heat_kernel, laplacian.plateau, laplacian.structure);
     let problem = Problem::new(laplacian, first_eigenvalue(report, plateau));

@@ -47,7 +47,7 @@ pub struct Invariants {
     pub boundary_length: Option<Estimate>,
     /// Euler characteristic, summed over the components; null where the spectrum does not carry it.
     pub euler_characteristic: Option<Estimate>,
-    /// The nearest whole number, when the uncertainty leaves one only.
+    /// The even number within the uncertainty, if it is one; null for open surfaces.
     pub euler_characteristic_rounded: Option<i64>,
     /// Why a number is null, by its name.
     pub reasons: BTreeMap<&'static str, String>,
@@ -67,11 +67,37 @@ const LONG: f64 = 8.0;
 /// the surface's features are too small, and what is left for χ means nothing.
 const AREA_MISFIT_MAX: f64 = 0.03;
 
-/// Relative error of the eigenvalues of a grid of spacing h, over `λ h²`.
-const ERROR_PER_RESOLUTION: f64 = 1.0 / 12.0;
+/// Relative error of the area over `λ h²` of the largest eigenvalue: of the `1/12` by which the eigenvalues of a grid of
+/// spacing h err, the share that the fits of closed and of open surfaces let through.
+const ERROR_CLOSED: f64 = 0.5 / 12.0;
+const ERROR_OPEN: f64 = 0.8 / 12.0;
 
 /// What the spread of the characteristic is multiplied with: the fits leave out the same terms and err to the same side.
 const COMMON_ERROR: f64 = 1.5;
+
+/// Why a characteristic is not told.
+const NOT_EVEN: &str = "what is read off is no even number within its uncertainty, as closed surfaces have";
+
+/// The whole numbers that a characteristic may be.
+enum Whole {
+    None,
+    One(i64),
+    Several,
+    /// An open surface: what its corners add is not known.
+    OfCorners,
+}
+
+/// Without rims an orientable surface of any number of parts has an even characteristic.
+fn characteristic(euler: Estimate, is_open: bool) -> Whole {
+    let halves = |sign: f64| 0.5 * (euler.value + sign * euler.uncertainty);
+    let (first, last) = (halves(-1.0).ceil(), halves(1.0).floor());
+    match last - first {
+        _ if is_open => Whole::OfCorners,
+        more if more < 0.0 => Whole::None,
+        more if more > 0.0 => Whole::Several,
+        _ => Whole::One(2 * first as i64),
+    }
+}
 
 /// Measures what the spectrum and the cells say.
 #[must_use]
@@ -102,24 +128,19 @@ pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
         };
         reasons.insert("boundary_length", reason);
     }
-    let rounded = euler.filter(|euler| euler.uncertainty < 0.5).map(|euler| euler.value.round() as i64);
-    // without rims an orientable surface of any number of parts has an even characteristic
-    let odd = rounded.filter(|whole| !is_open && whole % 2 != 0);
-    let (euler, rounded) = if odd.is_some() { (None, None) } else { (euler, rounded) };
+    let whole = euler.map(|euler| characteristic(euler, is_open));
+    let euler = euler.filter(|_| !matches!(whole, Some(Whole::None)));
     if euler.is_none() {
-        let reason = match odd {
-            Some(odd) => format!("{odd} is read off, and a closed surface has an even one"),
-            None => too_few,
-        };
-        reasons.insert("euler_characteristic", reason);
+        reasons.insert("euler_characteristic", if whole.is_some() { NOT_EVEN.to_owned() } else { too_few });
     }
-    if rounded.is_none() {
-        let reason = match euler {
-            Some(euler) => format!("{:.2} ± {:.2} leaves more than one", euler.value, euler.uncertainty),
-            None => "the characteristic is not known".to_owned(),
-        };
-        reasons.insert("euler_characteristic_rounded", reason);
-    }
+    let rounded = match whole {
+        Some(Whole::One(whole)) => Ok(whole),
+        Some(Whole::Several) => Err("the uncertainty leaves more than one"),
+        Some(Whole::OfCorners) => Err("every corner of a rim counts 1/8"),
+        Some(Whole::None) | None => Err("the characteristic is not known"),
+    };
+    let rounded =
+        rounded.map_err(|reason| reasons.insert("euler_characteristic_rounded", reason.to_owned())).ok();
     Invariants {
         cell_area: sampling.area,
         heat_trace_area: area,
@@ -135,8 +156,9 @@ pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
 fn traced_area(known: &[f64], sampling: &Sampling, is_open: bool) -> Result<Estimate, String> {
     let area = heat_trace::area(known, is_open)
         .ok_or_else(|| format!("{} eigenvalues carry information, 10 are needed", known.len()))?;
+    let error = if is_open { ERROR_OPEN } else { ERROR_CLOSED };
     let resolution = known.last().unwrap_or(&0.0) * sampling.spacing.powi(2);
-    let uncertainty = area.uncertainty + area.area.abs() * ERROR_PER_RESOLUTION * resolution;
+    let uncertainty = area.uncertainty + area.area.abs() * error * resolution;
     // two numbers of the same surface that exclude each other are both unknown
     if (area.area - sampling.area).abs() > AREA_MISFIT_MAX * sampling.area + uncertainty {
         return Err(format!(
