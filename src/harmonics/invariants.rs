@@ -47,7 +47,7 @@ pub struct Invariants {
     pub boundary_length: Option<Estimate>,
     /// Euler characteristic, summed over the components; null where the spectrum does not carry it.
     pub euler_characteristic: Option<Estimate>,
-    /// The even number within the uncertainty, if it is one; null for open surfaces.
+    /// The even number that the uncertainty leaves, if it is one; null for open surfaces.
     pub euler_characteristic_rounded: Option<i64>,
     /// Why a number is null, by its name.
     pub reasons: BTreeMap<&'static str, String>,
@@ -76,7 +76,10 @@ const ERROR_OPEN: f64 = 0.8 / 12.0;
 const COMMON_ERROR: f64 = 1.5;
 
 /// Why a characteristic is not told.
-const NOT_EVEN: &str = "what is read off is no even number within its uncertainty, as closed surfaces have";
+const NOT_EVEN: &str = "what is read off is not near an even number, as closed surfaces have";
+
+/// A characteristic is an even number that is as near, whatever its uncertainty: no other comes into question.
+const NEAR: f64 = 0.25;
 
 /// The whole numbers that a characteristic may be.
 enum Whole {
@@ -89,7 +92,8 @@ enum Whole {
 
 /// Without rims an orientable surface of any number of parts has an even characteristic.
 fn characteristic(euler: Estimate, is_open: bool) -> Whole {
-    let halves = |sign: f64| 0.5 * (euler.value + sign * euler.uncertainty);
+    let reach = euler.uncertainty.max(NEAR);
+    let halves = |sign: f64| 0.5 * (euler.value + sign * reach);
     let (first, last) = (halves(-1.0).ceil(), halves(1.0).floor());
     match last - first {
         _ if is_open => Whole::OfCorners,
@@ -342,6 +346,22 @@ mod tests {
             println!("{name}: {:.1} % of {}", 100.0 * share, covered.len());
             assert!(share >= 0.95 && covered.len() > 100, "{name}: {share} of {}", covered.len());
         }
+    }
+
+    #[test]
+    fn a_closed_surface_has_an_even_characteristic_or_none_that_is_known() {
+        let told =
+            |value, uncertainty, is_open| match characteristic(Estimate { value, uncertainty }, is_open) {
+                Whole::One(whole) => whole.to_string(),
+                Whole::None => "none".to_owned(),
+                Whole::Several => "several".to_owned(),
+                Whole::OfCorners => "corners".to_owned(),
+            };
+        assert_eq!(told(1.95, 0.04, false), "2");
+        assert_eq!(told(-0.13, 1.04, false), "0");
+        assert_eq!(told(3.0, 0.1, false), "none");
+        assert_eq!(told(-4.3, 3.5, false), "several");
+        assert_eq!(told(1.66, 0.36, true), "corners", "of a square: 1 and 1/8 for each");
     }
 
     #[test]
