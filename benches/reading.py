@@ -25,7 +25,7 @@ colors = random.integers(0, 256, size=(N, 3), dtype=np.uint8)
 
 
 def plyfile(path):
-    vertex = PlyData.read(path, mmap=False)["vertex"]
+    vertex = PlyData.read(path)["vertex"]
     return [np.column_stack([vertex[a] for a in "xyz"]), *(vertex[c].astype(np.float32) for c in ("red", "green", "blue") if c in vertex)]
 
 
@@ -34,7 +34,7 @@ def las(path):
     return [file.xyz, np.asarray(file.intensity), np.asarray(file.red), np.asarray(file.green), np.asarray(file.blue), np.asarray(file.gps_time)]
 
 
-def pandas_or_numpy(path):
+def numpy(path):
     return np.loadtxt(path, delimiter="," if path.suffix == ".csv" else None, skiprows=int(path.suffix == ".csv"))
 
 
@@ -69,9 +69,9 @@ def files(folder):
         PlyData([PlyElement.describe(rows, "vertex")], text=text).write(folder / name)
         yield folder / name, [plyfile, open3d]
     np.savetxt(folder / "a.xyz", points, fmt="%.3f")
-    yield folder / "a.xyz", [pandas_or_numpy, open3d]
+    yield folder / "a.xyz", [numpy, open3d]
     np.savetxt(folder / "a.csv", points, fmt="%.3f", delimiter=",", header="x,y,z", comments="")
-    yield folder / "a.csv", [pandas_or_numpy]
+    yield folder / "a.csv", [numpy]
     for name in ("a.las", "a.laz"):
         header = laspy.LasHeader(version="1.4", point_format=7)
         header.scales = [0.001] * 3
