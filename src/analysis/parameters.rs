@@ -220,6 +220,20 @@ impl Parameters {
         Self { t: Some(smooth.min(most).max(least)), delta_factor: Some(factor), ..self.clone() }
     }
 
+    /// The parameters with the t that resolves points which are `stretch` times as far apart in one direction as in the other.
+    pub(super) fn for_stretch(self, stretch: f64) -> Self {
+        if !self.resolves_stretch() {
+            return self;
+        }
+        Self { t_factor: Some(pb_mhb::t_factor_of_stretched(stretch)), ..self }
+    }
+
+    /// Whether t is chosen by the stretch of the sampling.
+    pub(super) fn resolves_stretch(&self) -> bool {
+        let chosen = self.t.or(self.t_factor).or(self.epsilon).is_some();
+        self.operator == OperatorKind::PbMhb && self.additions().moment_calibration && !chosen
+    }
+
     /// t and δ for a cloud with covering radius `epsilon`: `t = c·ε²`, `δ = c'·√(2t)`.
     pub(super) fn heat_kernel(&self, epsilon: f64) -> HeatKernel {
         let t = self.t.unwrap_or_else(|| {

@@ -34,6 +34,8 @@ pub struct Rules {
     pub merge_repetitions: bool,
     /// Lengths are measured on a smoothed surface where the points are noisy.
     pub smooth_noise: bool,
+    /// Kernels are wider where points are farther apart in one direction than in the other.
+    pub resolve_stretch: bool,
 }
 
 impl Default for Rules {
@@ -48,6 +50,7 @@ impl Default for Rules {
             verify_gaps: true,
             merge_repetitions: true,
             smooth_noise: true,
+            resolve_stretch: true,
         }
     }
 }
