@@ -23,7 +23,7 @@ const SPARSE: f64 = 3.0;
 
 /// Third over second principal variance of neighbors: at a pole of rings, and beside sparser sampling, points are as lonely as
 /// strays, but with their neighbors in one plane.
-const FLAT_FEW: f64 = 0.1;
+const FLAT_FEW: f64 = 0.3;
 const FLAT: f64 = 0.2;
 
 /// The stray points among points in space, ascending; none in other dimensions.
