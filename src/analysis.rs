@@ -110,12 +110,9 @@ pub fn analyze_by(
     progress.checkpoint()?;
     let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
-    let stretch = surveyed.as_ref().map_or(1.0, |surveyed| surveyed.stretch);
-    let mut parameters = parameters.for_kind(kind, &sampling, points.len());
-    if rules.resolve_stretch && parameters.dimension == 2 {
-        parameters = parameters.for_stretch(stretch);
-    }
-    let parameters = &parameters;
+    let stretch =
+        surveyed.as_ref().filter(|_| rules.resolve_stretch).map_or(1.0, |surveyed| surveyed.stretch);
+    let parameters = &parameters.for_kind(kind, &sampling, points.len()).for_stretch(stretch);
 
     progress.enter(Phase::Assembly)?;
     let surface = Surface {

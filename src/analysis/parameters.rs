@@ -231,7 +231,10 @@ impl Parameters {
     /// Whether t is chosen by the stretch of the sampling.
     pub(super) fn resolves_stretch(&self) -> bool {
         let chosen = self.t.or(self.t_factor).or(self.epsilon).is_some();
-        self.operator == OperatorKind::PbMhb && self.additions().moment_calibration && !chosen
+        self.operator == OperatorKind::PbMhb
+            && self.dimension == 2
+            && self.additions().moment_calibration
+            && !chosen
     }
 
     /// t and δ for a cloud with covering radius `epsilon`: `t = c·ε²`, `δ = c'·√(2t)`.

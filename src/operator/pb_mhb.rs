@@ -187,6 +187,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn t_grows_with_the_stretch_of_the_sampling_between_two_plateaus() {
+        let [isotropic, between, lines] = [1.42, 1.8, 4.0].map(t_factor_of_stretched);
+        assert!(isotropic.to_bits() == T_FACTOR_CALIBRATED.to_bits());
+        assert!(isotropic < between && between < lines);
+        assert!((lines - T_FACTOR_STRETCHED).abs() < 1e-12);
+    }
+
+    #[test]
     fn calibrated_moments_are_those_of_the_heat_kernel_on_a_coarse_uneven_lattice() {
         // unit squares, the right half stretched to twice the width, with rims; areas as they are
         let place = |i: usize| if i < 10 { i as f64 } else { 2.0 * i as f64 - 9.0 };
