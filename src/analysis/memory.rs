@@ -10,7 +10,7 @@ use crate::spectrum::slicing::{SLICE, vectors_held};
 const GEOMETRY_BYTES: u64 = 1_100;
 /// Bytes per point that a kernel operator adds: its rows, and while it is factored hundreds of entries of the factor in
 /// single precision.
-const KERNEL_BYTES: u64 = 1_600;
+const KERNEL_BYTES: u64 = 2_400;
 /// The same with entries in double precision, as slices of the spectrum need them, and of operators without symmetry.
 const KERNEL_BYTES_DOUBLE: u64 = 3_400;
 /// The same where there are too many points to factor the kernel: its rows take the room of what the geometry has left.

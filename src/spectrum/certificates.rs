@@ -3,16 +3,12 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::vectors::block::{Block, column_norms, gram};
-use super::vectors::sparse_product::sparse_product;
+use super::vectors::pair::residuals_and_gram;
 use super::{Eigenpairs, Problem};
 use crate::progress::{Canceled, Progress};
 
 /// Relative gap below which eigenvectors are an arbitrary basis of a common space.
 const CLUSTER_GAP: f64 = 1e-6;
-
-/// Columns whose residuals are computed together.
-const COLUMNS: usize = 32;
 
 /// How it was checked that no eigenvalue was missed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,58 +43,46 @@ pub struct Certificates {
     pub saturation: Option<f64>,
 }
 
-/// `‖A y − μ y‖ / (μ + σ)` of every pair.
+/// What is computed from pairs.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    /// `‖A y − μ y‖ / (μ + σ)` of every pair.
+    pub residuals: Vec<f64>,
+    /// `max |YᵀY − I|`.
+    pub orthogonality: f64,
+}
+
+impl Measured {
+    /// Largest residual.
+    #[must_use]
+    pub fn residual(&self) -> f64 {
+        self.residuals.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// Residuals and orthogonality of pairs, in one pass.
+///
+/// The residual of a conjugate pair mixes its two columns: `A(u + iv) = (a + ib)(u + iv)` is `A u = a u − b v`,
+/// `A v = a v + b u`.
 ///
 /// # Errors
 /// [`Canceled`].
-pub fn residuals(problem: &Problem, pairs: &Eigenpairs, progress: &Progress) -> Result<Vec<f64>, Canceled> {
-    let mut all = Vec::with_capacity(pairs.values.len());
-    let mut some = Block::zeros(problem.size(), COLUMNS);
-    let mut product = Block::zeros(problem.size(), COLUMNS);
-    for first in (0..pairs.values.len()).step_by(COLUMNS) {
-        progress.checkpoint()?;
-        let count = COLUMNS.min(pairs.values.len() - first);
-        some.set_columns(count);
-        some.copy_columns(0, &pairs.vectors, first, count);
-        sparse_product(&mut product, &problem.matrix, &some);
-        let values = &pairs.values[first..first + count];
-        product.for_each_row(|i, row| {
-            for ((r, x), value) in row.iter_mut().zip(some.row(i)).zip(values) {
-                *r -= value * x;
-            }
-        });
-        subtract_partners(&mut product, pairs, first, count);
-        all.extend(
-            column_norms(&product).iter().zip(values).map(|(norm, value)| norm / (value + problem.shift)),
-        );
-    }
-    Ok(all)
-}
-
-/// The part of the residual that mixes the two columns of a conjugate pair: `A(u + iv) = (a + ib)(u + iv)` is
-/// `A u = a u − b v`, `A v = a v + b u`.
-fn subtract_partners(product: &mut Block, pairs: &Eigenpairs, first: usize, count: usize) {
-    let parts: Vec<(usize, f64)> = (first..first + count)
-        .filter_map(|j| pairs.imaginary.get(j).filter(|b| **b != 0.0).map(|b| (j, *b)))
-        .collect();
-    if parts.is_empty() {
-        return;
-    }
-    product.for_each_row(|i, row| {
-        let y = pairs.vectors.row(i);
-        for &(j, b) in &parts {
-            // b is positive for the first of a pair, whose partner follows, and negative for the second
-            let partner = if b > 0.0 { j + 1 } else { j - 1 };
-            row[j - first] += b * y[partner];
-        }
-    });
-}
-
-/// `max |YᵀY − I|`.
-#[must_use]
-pub fn orthogonality(pairs: &Eigenpairs) -> f64 {
-    let columns = pairs.vectors.columns();
-    (gram(&pairs.vectors, &pairs.vectors) - Mat::<f64>::identity(columns, columns)).norm_max()
+pub fn measure(problem: &Problem, pairs: &Eigenpairs, progress: &Progress) -> Result<Measured, Canceled> {
+    // b is positive for the first of a pair, whose partner follows, and negative for the second
+    let partner = |(j, &b): (usize, &f64)| match b {
+        b if b > 0.0 => Some((j + 1, b)),
+        b if b < 0.0 => Some((j - 1, b)),
+        _ => None,
+    };
+    let partners: Vec<Option<(usize, f64)>> = pairs.imaginary.iter().enumerate().map(partner).collect();
+    let (norms, gram) =
+        residuals_and_gram(&problem.matrix, &pairs.vectors, &pairs.values, &partners, progress)?;
+    let relative = norms.iter().zip(&pairs.values).map(|(norm, value)| norm / (value + problem.shift));
+    let columns = gram.ncols();
+    Ok(Measured {
+        residuals: relative.collect(),
+        orthogonality: (gram - Mat::<f64>::identity(columns, columns)).norm_max(),
+    })
 }
 
 /// Ranges `[first, last]` of consecutive values closer than 10⁻⁶, relative to value plus `shift`.

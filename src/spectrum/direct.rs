@@ -144,7 +144,7 @@ fn with_missed<'a>(
 
 /// Counts the eigenvalues below the last gap between found ones: in a cluster at the end, of which only a part was asked
 /// for, nothing counts as missed.
-fn missed_by_inertia(
+pub(super) fn missed_by_inertia(
     problem: &Problem,
     symbolic: &Symbolic,
     values: &[f64],

@@ -27,7 +27,7 @@ const SEARCHES_MAX: usize = 10;
 ///
 /// # Errors
 /// [`SpectrumError`].
-pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64]>(
+pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     problem: &Problem,
     narrow: &Sparse,
     request: &Request<'_, P>,
@@ -74,7 +74,7 @@ fn polynomial_solve<P>(
     let most = |share| 0.9 * share;
     let vectors = ritz_vectors(problem, shifted, &none, nearest, request.tolerance, progress, most)?;
     let pairs = rayleigh_ritz(problem, vectors, progress)?;
-    let residuals = certificates::residuals(problem, &pairs, progress)?;
+    let residuals = certificates::measure(problem, &pairs, progress)?.residuals;
     if residuals.iter().all(|&residual| residual <= request.tolerance) {
         return Ok(pairs);
     }

@@ -5,6 +5,7 @@
 
 pub mod certificates;
 pub mod chebyshev;
+mod coarse_to_fine;
 pub mod dense;
 mod direct;
 pub mod eigenbasis;

@@ -33,6 +33,17 @@ pub fn eigen(matrix: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>), SpectrumEr
     Ok((values, eigen.U().to_owned()))
 }
 
+/// Eigenvalues μ, ascending, and vectors of `H c = μ G c` for symmetric matrices, `G` positive semi-definite, with
+/// `cᵀ G c = 1`; directions of no length have none.
+///
+/// # Errors
+/// [`SpectrumError::Dense`].
+pub fn pencil(h: MatRef<'_, f64>, g: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>), SpectrumError> {
+    let (whitening, _, _) = normalizer(g)?;
+    let (values, vectors) = eigen((whitening.transpose() * h * &whitening).as_ref())?;
+    Ok((values, whitening * vectors))
+}
+
 /// Columns of which every combination is at least this share of their squared lengths need no second round.
 const INDEPENDENT: f64 = 0.1;
 

@@ -2,13 +2,15 @@
 //! single precision.
 
 use super::factor::Cholesky;
-use super::inverse::BLOCK;
 use super::krylov::Complement;
 use super::ritz::rayleigh_ritz;
 use super::vectors::block::{Block, column_products};
 use super::vectors::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError, certificates};
 use crate::progress::{Canceled, Progress};
+
+/// Vectors that are corrected together: as many as one reading of the factor serves.
+const TOGETHER: usize = 64;
 
 /// Rounds of corrections before giving up.
 const ROUNDS_MAX: usize = 5;
@@ -37,12 +39,12 @@ pub(super) fn polished(
     let mut rough: Vec<usize> = (0..vectors.columns()).collect();
     let mut reached = f64::INFINITY;
     for _ in 0..ROUNDS_MAX {
-        for some in rough.chunks(BLOCK) {
+        for some in rough.chunks(TOGETHER) {
             progress.checkpoint()?;
             correct(&complement, factor, &mut vectors, some, progress)?;
         }
         let pairs = rayleigh_ritz(problem, vectors, progress)?;
-        let residuals = certificates::residuals(problem, &pairs, progress)?;
+        let residuals = certificates::measure(problem, &pairs, progress)?.residuals;
         rough = (0..residuals.len()).filter(|&j| residuals[j] > tolerance).collect();
         if rough.is_empty() {
             return Ok(pairs);
@@ -64,9 +66,10 @@ fn correct(
 ) -> Result<(), Canceled> {
     let rows = vectors.rows();
     let mut rough = Block::zeros(rows, some.len());
-    for (to, &from) in some.iter().enumerate() {
-        rough.copy_columns(to, vectors, from, 1);
-    }
+    rough.for_each_row(|i, row| {
+        let from = vectors.row(i);
+        row.iter_mut().zip(some).for_each(|(x, &j)| *x = from[j]);
+    });
     let mut correction = Block::zeros(rows, some.len());
     sparse_product(&mut correction, &complement.problem.matrix, &rough);
     let (curvature, squared) = (column_products(&rough, &correction), column_products(&rough, &rough));
@@ -80,9 +83,7 @@ fn correct(
     factor.solve(&mut correction, progress)?;
     rough.for_each_row(|i, row| row.iter_mut().zip(correction.row(i)).for_each(|(y, c)| *y -= c));
     complement.project(&mut rough);
-    for (from, &to) in some.iter().enumerate() {
-        vectors.copy_columns(to, &rough, from, 1);
-    }
+    vectors.for_each_row(|i, row| some.iter().zip(rough.row(i)).for_each(|(&j, &x)| row[j] = x));
     Ok(())
 }
 
@@ -109,10 +110,8 @@ mod tests {
             let progress = Progress::new();
             ritz_vectors(&problem, shifted, &none, nearest, tolerance, &progress, |share| share).unwrap()
         };
-        let largest = |pairs: &Eigenpairs| {
-            let residuals = certificates::residuals(&problem, pairs, &Progress::new()).unwrap();
-            residuals.into_iter().fold(0.0, f64::max)
-        };
+        let largest =
+            |pairs: &Eigenpairs| certificates::measure(&problem, pairs, &Progress::new()).unwrap().residual();
         assert!(largest(&rayleigh_ritz(&problem, rough(), &Progress::new()).unwrap()) > 10.0 * tolerance);
         let polish = |tolerance| polished(&problem, &factor, &none, rough(), tolerance, &Progress::new());
         let pairs = polish(tolerance).unwrap();

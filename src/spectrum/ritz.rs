@@ -1,7 +1,10 @@
 //! The Rayleigh–Ritz step: the best eigenpairs in the span of some vectors.
 
-use super::orthogonal::{eigen, orthonormalize};
+use faer::Mat;
+
+use super::orthogonal::{eigen, orthonormalize, pencil};
 use super::vectors::block::{Block, gram, replace_by_product};
+use super::vectors::pair::gram_pair;
 use super::vectors::sparse_product::sparse_product;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
@@ -25,4 +28,34 @@ pub(super) fn rayleigh_ritz(
     progress.checkpoint()?;
     replace_by_product(&mut vectors, coefficients.as_ref());
     Ok(Eigenpairs::real(values, vectors))
+}
+
+/// The same in place, of the columns behind the null vectors, which come first and stay; also their values, zeros first.
+/// The other columns need not be orthogonal to anything; those that depend on others are dropped.
+///
+/// # Errors
+/// [`SpectrumError::Dense`], also of vectors that are not finite, [`SpectrumError::Canceled`].
+pub(super) fn rayleigh_ritz_beside(
+    problem: &Problem,
+    vectors: &mut Block,
+    progress: &Progress,
+) -> Result<Vec<f64>, SpectrumError> {
+    let zeros = problem.zero_modes();
+    let [gram, image] = gram_pair(&problem.matrix, vectors, progress)?;
+    let others = gram.nrows() - zeros;
+    let along = gram.as_ref().submatrix(0, zeros, zeros, others);
+    let gram = gram.as_ref().submatrix(zeros, zeros, others, others) - along.transpose() * along;
+    let (values, coefficients) =
+        pencil(image.as_ref().submatrix(zeros, zeros, others, others), gram.as_ref())?;
+    progress.checkpoint()?;
+    let taken = along * &coefficients;
+    let change = Mat::from_fn(zeros + others, zeros + values.len(), |i, j| match (i < zeros, j < zeros) {
+        (true, true) => f64::from(u8::from(i == j)),
+        (true, false) => -taken[(i, j - zeros)],
+        (false, true) => 0.0,
+        (false, false) => coefficients[(i - zeros, j - zeros)],
+    });
+    replace_by_product(vectors, change.as_ref());
+    progress.checkpoint()?;
+    Ok(std::iter::repeat_n(0.0, zeros).chain(values).collect())
 }

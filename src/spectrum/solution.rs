@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::certificates::{self, Certificates, MissedCheck};
+use super::certificates::{self, Certificates, Measured, MissedCheck};
 use super::vectors::block::Block;
 use super::weyl::Weyl;
 use super::{Eigenpairs, Problem, SpectrumError};
@@ -44,6 +44,8 @@ pub enum Method {
     Dense,
     /// Block Lanczos on the inverse of the shifted operator.
     ShiftInvert,
+    /// From thinned samples of the surface to all of its points, with corrections by the inverse on every level.
+    CoarseToFine,
     /// Block Lanczos on the inverse of the shifted operator, made of a polynomial in the operator and the factor of the
     /// finite-volume operator.
     Polynomial,
@@ -104,11 +106,22 @@ pub(super) fn certified<P>(
     (missed, missed_check): (Option<usize>, MissedCheck),
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
-    let residuals = certificates::residuals(problem, &pairs, progress)?;
-    progress.checkpoint()?;
+    let measured = certificates::measure(problem, &pairs, progress)?;
+    Ok(certified_by(problem, pairs, measured, request, method, (missed, missed_check)))
+}
+
+/// The same of pairs that were measured.
+pub(super) fn certified_by<P>(
+    problem: &Problem,
+    pairs: Eigenpairs,
+    measured: Measured,
+    request: &Request<'_, P>,
+    method: Method,
+    (missed, missed_check): (Option<usize>, MissedCheck),
+) -> Solution {
     let certificates = Certificates {
-        orthogonality: certificates::orthogonality(&pairs),
-        residual: residuals.iter().copied().fold(0.0, f64::max),
+        orthogonality: measured.orthogonality,
+        residual: measured.residual(),
         zero_modes: match problem.structure {
             Structure::SemiDefinite => problem.zero_modes().min(request.count),
             _ => pairs.values.iter().filter(|value| value.abs() <= request.tolerance * problem.shift).count(),
@@ -120,5 +133,5 @@ pub(super) fn certified<P>(
             .filter(|_| request.saturates)
             .map(|t| t * pairs.values.last().copied().unwrap_or(0.0)),
     };
-    Ok(Solution { pairs, residuals, certificates, method })
+    Solution { pairs, residuals: measured.residuals, certificates, method }
 }

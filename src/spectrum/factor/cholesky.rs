@@ -47,7 +47,26 @@ impl Symbolic {
         self.factor_double(matrix, shift, progress)
     }
 
-    /// The same in double precision.
+    /// Factors in single precision for solutions that are only steps of an iteration, and looks at none of them; none when a
+    /// pivot is zero or negative.
+    ///
+    /// # Errors
+    /// [`FactorError::Canceled`].
+    pub fn factor_roughly<'a>(
+        &'a self,
+        matrix: &'a Sparse,
+        shift: f64,
+        progress: &Progress,
+    ) -> Result<Option<Cholesky<'a>>, FactorError> {
+        let factor = self.factorize(matrix, shift, progress)?.filter(|factor| factor.negative.is_empty());
+        let with = |factor| {
+            let factor = Precision::Single(factor);
+            Cholesky { symbolic: self, matrix, shift, factor, contraction: CONTRACTION_MAX }
+        };
+        Ok(factor.map(with))
+    }
+
+    /// As [`Self::factor`], in double precision.
     ///
     /// # Errors
     /// The same.
@@ -106,6 +125,21 @@ impl Symbolic {
     ) -> Result<Option<usize>, FactorError> {
         let factor = self.factor_indefinite(matrix, -bound, progress)?;
         Ok(factor.map(|cholesky| cholesky.negative_eigenvalues()))
+    }
+
+    /// The same from a factor in single precision: right where no eigenvalue is nearer to `bound` than its rounding, which
+    /// is of the size of 10⁻⁷ of the largest.
+    ///
+    /// # Errors
+    /// [`FactorError::Canceled`].
+    pub fn eigenvalues_roughly_below(
+        &self,
+        matrix: &Sparse,
+        bound: f64,
+        progress: &Progress,
+    ) -> Result<Option<usize>, FactorError> {
+        let factor: Option<Factor<f32>> = self.factorize(matrix, -bound, progress)?;
+        Ok(factor.map(|factor| factor.negative.len()))
     }
 }
 
@@ -209,31 +243,54 @@ impl Cholesky<'_> {
     /// [`Canceled`].
     pub fn solve(&self, x: &mut Block, progress: &Progress) -> Result<(), Canceled> {
         match &self.factor {
-            Precision::Single(factor) => self.substitute_with(factor, x, progress),
-            Precision::Double(factor) => self.substitute_with(factor, x, progress),
+            Precision::Single(factor) => self.substitute_with(factor, x, &mut Vec::new(), progress),
+            Precision::Double(factor) => self.substitute_with(factor, x, &mut Vec::new(), progress),
         }
     }
 
-    fn substitute_with<T: Scalar>(
+    /// The same of vectors in single precision; `buffer` is kept from one solution to the next.
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn solve_single(
+        &self,
+        x: &mut Block<f32>,
+        buffer: &mut Vec<f32>,
+        progress: &Progress,
+    ) -> Result<(), Canceled> {
+        match &self.factor {
+            Precision::Single(factor) => self.substitute_with(factor, x, buffer, progress),
+            Precision::Double(factor) => self.substitute_with(factor, x, &mut Vec::new(), progress),
+        }
+    }
+
+    fn substitute_with<T: Scalar, U: Scalar>(
         &self,
         factor: &Factor<T>,
-        x: &mut Block,
+        x: &mut Block<U>,
+        buffer: &mut Vec<T>,
         progress: &Progress,
     ) -> Result<(), Canceled> {
         let Symbolic { nodes, order, place } = self.symbolic;
-        for first in (0..x.columns()).step_by(WIDTH) {
-            let count = WIDTH.min(x.columns() - first);
-            let mut group = vec![T::nearest(0.0); x.rows() * WIDTH];
-            group.par_chunks_exact_mut(WIDTH).zip(order).with_min_len(ROWS_MIN).for_each(|(group, &i)| {
+        let most = x.rows() * substitution::width(x.columns());
+        buffer.resize(most.max(buffer.len()), T::nearest(0.0));
+        let mut first = 0;
+        while first < x.columns() {
+            let width = substitution::width(x.columns() - first);
+            let count = width.min(x.columns() - first);
+            let group = &mut buffer[..x.rows() * width];
+            group.par_chunks_exact_mut(width).zip(order).with_min_len(ROWS_MIN).for_each(|(group, &i)| {
                 let row = &x.row(i as usize)[first..first + count];
-                group.iter_mut().zip(row).for_each(|(g, &x)| *g = T::nearest(x));
+                group.iter_mut().zip(row).for_each(|(g, &x)| *g = T::nearest(x.into()));
             });
-            substitution::solve(nodes, factor, &mut group);
-            x.for_each_row(|i, row| {
-                let group = &group[place[i] as usize * WIDTH..];
-                row[first..first + count].iter_mut().zip(group).for_each(|(x, &g)| *x = g.into());
-            });
+            substitution::solve(nodes, factor, group, width, progress);
             progress.checkpoint()?;
+            let group = &*group;
+            x.for_each_row(|i, row| {
+                let group = &group[place[i] as usize * width..];
+                row[first..first + count].iter_mut().zip(group).for_each(|(x, &g)| *x = U::nearest(g.into()));
+            });
+            first += count;
         }
         Ok(())
     }

@@ -98,6 +98,7 @@ impl<T: Scalar, I: DoubleEndedIterator<Item = usize>> WithSimd for Pass<'_, T, I
         // as many sums as hide the latency of an addition, and fit the registers: 32 with the longest vectors, else 16
         match (S::F64_LANES, self.stage.width / T::lanes::<S>()) {
             (_, 1) => self.tiled::<S, 8, 1>(simd),
+            (8, 4) => self.tiled::<S, 4, 4>(simd),
             (8, _) => self.tiled::<S, 8, 2>(simd),
             _ => self.tiled::<S, 4, 2>(simd),
         }

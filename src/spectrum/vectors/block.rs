@@ -113,8 +113,18 @@ impl<T: Scalar> Block<T> {
         Self { width: columns, columns, ..self }
     }
 
+    /// `count` columns from column `from` on.
+    ///
+    /// # Panics
+    /// When the block has fewer.
+    #[must_use]
+    pub fn columns_from(&self, from: usize, count: usize) -> Columns<'_, T> {
+        assert!(from + count <= self.columns, "no {count} columns from {from} of {}", self.columns);
+        Columns { values: &self.values, width: self.width, from, count }
+    }
+
     /// Columns `from ..` of some rows.
-    fn chunk(&self, rows: std::ops::Range<usize>, from: usize) -> MatRef<'_, T> {
+    pub(super) fn chunk(&self, rows: std::ops::Range<usize>, from: usize) -> MatRef<'_, T> {
         let values = &self.values[rows.start * self.width + from..];
         let columns = self.columns - from;
         MatRef::from_row_major_slice_with_stride(
@@ -123,6 +133,30 @@ impl<T: Scalar> Block<T> {
             columns,
             self.width,
         )
+    }
+}
+
+/// Some neighboring columns of a block.
+#[derive(Debug, Clone, Copy)]
+pub struct Columns<'a, T> {
+    values: &'a [T],
+    width: usize,
+    from: usize,
+    count: usize,
+}
+
+impl<'a, T> Columns<'a, T> {
+    /// How many there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Row `i` of them.
+    #[must_use]
+    #[inline]
+    pub fn row(&self, i: usize) -> &'a [T] {
+        &self.values[i * self.width + self.from..][..self.count]
     }
 }
 
@@ -158,7 +192,9 @@ pub fn gram_from<T: Scalar>(a: &Block<T>, from: usize, b: &Block) -> Mat<f64> {
             for first in (start..end).step_by(CHUNK_ROWS) {
                 let rows = first..end.min(first + CHUNK_ROWS);
                 right.clear();
-                right.extend(rows.clone().flat_map(|i| b.row(i)).map(|&x| T::nearest(x)));
+                for i in rows.clone() {
+                    right.extend(b.row(i).iter().map(|&x| T::nearest(x)));
+                }
                 let left = a.chunk(rows.clone(), from);
                 let right = MatRef::from_row_major_slice(&right, rows.len(), b.columns);
                 matmul(&mut product, Accum::Replace, left.transpose(), right, T::nearest(1.0), Par::Seq);
@@ -206,17 +242,16 @@ pub fn replace_by_product<T: Scalar>(a: &mut Block<T>, m: MatRef<'_, f64>) {
     let (width, columns) = (a.width, a.columns);
     let m = rounded::<T>(m);
     a.values.par_chunks_mut(width * CHUNK_ROWS).for_each_init(
-        || Mat::<T>::zeros(CHUNK_ROWS, m.ncols()),
+        || vec![T::nearest(0.0); CHUNK_ROWS * m.ncols()],
         |product, values| {
             let rows = values.len() / width;
             let length = (rows - 1) * width + columns;
             let source = MatRef::from_row_major_slice_with_stride(&values[..length], rows, columns, width);
-            let mut target = product.as_mut().subrows_mut(0, rows);
-            matmul(target.as_mut(), Accum::Replace, source, m.as_ref(), T::nearest(1.0), Par::Seq);
-            for (k, row) in values.chunks_mut(width).enumerate() {
-                for (j, value) in row[..m.ncols()].iter_mut().enumerate() {
-                    *value = target[(k, j)];
-                }
+            let product = &mut product[..rows * m.ncols()];
+            let target = MatMut::from_row_major_slice_mut(product, rows, m.ncols());
+            matmul(target, Accum::Replace, source, m.as_ref(), T::nearest(1.0), Par::Seq);
+            for (row, product) in values.chunks_mut(width).zip(product.chunks_exact(m.ncols())) {
+                row[..m.ncols()].copy_from_slice(product);
             }
         },
     );

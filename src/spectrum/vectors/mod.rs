@@ -1,6 +1,7 @@
 //! Blocks of vectors, one row per point: their numbers, their products with dense and sparse matrices, start vectors.
 
 pub mod block;
+pub mod pair;
 pub mod scalar;
 pub mod sparse_product;
 pub mod start;
