@@ -9,7 +9,7 @@ use chladni::operator::OperatorKind::{PbMhb, Voronoi};
 use rstest::rstest;
 
 use super::Basis;
-use crate::{cloud, fibonacci_sphere, parameters};
+use crate::{cloud, fibonacci_sphere, hashed, parameters};
 
 fn drawn(shape: Shape, sampling: Sampling, points: usize) -> Basis {
     let cloud = sample(&SampleRequest { sampling, ..SampleRequest::new(shape, points) }).unwrap();
@@ -76,11 +76,8 @@ fn the_square_has_a_rim_whose_length_lies_within_its_uncertainty() {
 #[test]
 fn points_away_from_the_surface_change_neither_its_area_nor_what_it_is_like() {
     let sphere = fibonacci_sphere(2_000);
-    // pairs of points a thousand times as far away as the sphere is large, none near another pair
-    let strays = (0..100).flat_map(|i| {
-        let far = 1e3 + 7.0 * f64::from(i / 2);
-        [far + f64::from(i % 2), far * f64::from(i % 7 - 3), far]
-    });
+    // in a box a thousand times as large as the sphere
+    let strays = (0..300).map(|i| 1e3 * (2.0 * hashed(i) - 1.0));
     let with_strays = cloud(3, sphere.iter().copied().chain(strays).collect());
     let [plain, strayed] =
         [cloud(3, sphere), with_strays].map(|cloud| Basis::of(&cloud, &parameters(PbMhb, 100)));
