@@ -12,9 +12,10 @@ WORKDIR /chladni
 
 # Dependencies change rarely: they are built from the manifests alone, and this layer is kept.
 COPY Cargo.toml Cargo.lock ./
-RUN mkdir src && echo 'fn main() {}' > src/main.rs && touch src/lib.rs \
+COPY python/Cargo.toml python/
+RUN mkdir src python/src && echo 'fn main() {}' > src/main.rs && touch src/lib.rs python/src/lib.rs \
     && cargo build --release --locked \
-    && rm -r src
+    && rm -r src python/src
 
 COPY . .
 # The sources may be older than the files that stood in for them.

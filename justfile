@@ -7,7 +7,7 @@ check: fmt spelling lint doc dependencies
 
 # Formatting
 fmt:
-    cargo fmt --check
+    cargo fmt --all --check
 
 # American spelling of code and prose
 spelling:
@@ -16,11 +16,11 @@ spelling:
 
 # Clippy, warnings are errors
 lint:
-    cargo clippy --locked --all-targets -- -D warnings
+    cargo clippy --locked --workspace --all-targets -- -D warnings
 
 # Documentation of the library
 doc:
-    RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+    RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps
 
 # Licenses, bans, sources, yanked crates, advisories and unused dependencies
 dependencies:
@@ -40,13 +40,20 @@ library:
     cargo clippy --locked --no-default-features --lib -- -D warnings
     cargo test --locked --no-default-features --lib
 
+# The Python package: wheel, types, tests, in a virtual environment of its own
+python:
+    .ci/python
+
+# The program as it is released. The Python package and it are built with the features of both: one build serves both.
+release:
+    cargo build --locked --release --workspace --bins
+
 # The synthetic scan through the whole service
-demo:
-    cargo run --locked --release -- demo --exit
+demo: release
+    target/release/chladni demo --exit
 
 # The running service against openapi.yaml
-api:
-    cargo build --locked --release
+api: release
     .ci/tool schemathesis schemathesis==4.32.5
     target/tools/schemathesis/bin/python .ci/schemathesis.py target/release/chladni
 
@@ -56,8 +63,7 @@ clients:
     .ci/clients/run target/release/chladni
 
 # Files of other programs, both ways
-formats:
-    cargo build --locked --release
+formats: release
     .ci/tool formats -r .ci/requirements.txt
     target/tools/formats/bin/pip install --quiet pye57 || echo 'pye57 is not available: only the tests of the crate cover E57.'
     target/tools/formats/bin/pip install --quiet open3d || echo 'open3d is not available: the other packages cover its formats.'
@@ -73,8 +79,8 @@ fuzz:
     cargo check --manifest-path fuzz/Cargo.toml
 
 # The papers' tables, in brief
-numerics:
-    cargo run --locked --release -- reproduce
+numerics: release
+    target/release/chladni reproduce
 
 # Benchmarks of the stages; benches/compare.sh compares with other tools
 bench:

@@ -33,14 +33,7 @@ impl CloudArgs {
             let names = Format::ALL.map(Format::name).join(", ");
             return Err(Failure::Input(format!("{shown}: unknown format; name it with --format ({names})")));
         };
-        // The service's limits protect it from strangers; here the caller's own machine is the limit.
-        let limits = Limits {
-            points_max: u32::MAX as usize,
-            faces_max: u32::MAX as usize,
-            fields_max: usize::MAX,
-            ..Limits::default()
-        };
-        let options = reading.options(limits);
+        let options = reading.options(Limits::OF_THE_MACHINE);
         read(&bytes, format, &options).map_err(|error| Failure::Input(format!("{shown}: {error}")))
     }
 }

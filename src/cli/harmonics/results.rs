@@ -52,13 +52,8 @@ impl Results {
     pub(super) fn cloud(&self) -> Result<PointCloud, Failure> {
         let path = self.directory.join("bases.ply");
         let bytes = file(&path)?;
-        let limits = Limits {
-            points_max: u32::MAX as usize,
-            faces_max: u32::MAX as usize,
-            fields_max: usize::MAX,
-            ..Limits::default()
-        };
-        let options = ReadOptions { policy: NonFinite::Drop, limits, ..ReadOptions::default() };
+        let options =
+            ReadOptions { policy: NonFinite::Drop, limits: Limits::OF_THE_MACHINE, ..ReadOptions::default() };
         let refused = |error: &dyn std::fmt::Display| Failure::Input(format!("{}: {error}", path.display()));
         let cloud = read(&bytes, Format::Ply, &options).map_err(|error| refused(&error))?;
         let own = cloud.fields().len().saturating_sub(self.modes.len());

@@ -65,6 +65,15 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// For files of the caller's own: the default protects a service from strangers, here the machine is the limit.
+    pub const OF_THE_MACHINE: Self = Self {
+        points_max: u32::MAX as usize,
+        fields_max: usize::MAX,
+        dimension_max: super::DIMENSION_MAX,
+        faces_max: u32::MAX as usize,
+        memory_max: usize::MAX,
+    };
+
     /// Refuses more points than the limit.
     fn points(&self, points: usize) -> Result<(), ReadError> {
         if points > self.points_max {

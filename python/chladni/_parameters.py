@@ -1,0 +1,69 @@
+"""Parameters of an analysis, and what is said of a misspelled one."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+from typing import Any, TypedDict
+
+import numpy as np
+
+
+class Parameters(TypedDict, total=False):
+    """What `eigenbasis` and `laplacian` take beside their own arguments; what is absent follows from the cloud."""
+
+    dimension: int
+    """Intrinsic dimension of what the points sample: 1 for curves, 2 for surfaces (the default), 3 for volumes."""
+    t: float
+    """Time of the heat kernel, in squared units of the cloud."""
+    t_factor: float
+    """The same as a multiple of the squared covering radius."""
+    delta: float
+    """Cut-off radius of the heat kernel, or length of a graph's edges, in units of the cloud."""
+    delta_factor: float
+    """The same as a multiple of √(2t); of the covering radius for graph operators."""
+    epsilon: float
+    """Covering radius of the sampling, in units of the cloud, instead of the estimate."""
+    distance: str
+    """Distance in the Gaussian of `pcd`: `ambient` or `projected`."""
+    parameterization: str
+    """How `pcd` chooses t, δ and its simplices: `covering-radius` or `nearest-ten`."""
+    paper: bool
+    """Exactly the operator of the PB-MHB paper: all switches below are off unless they are set."""
+    isometric_cells: bool
+    """Measure cells by true distances; on surfaces in the triangles around every point."""
+    truncation_compensation: bool
+    """Make up for the Gaussian's share beyond the cut-off."""
+    sheet_aware: bool
+    """Couple only neighbors on the same sheet of the surface."""
+    surface_distances: bool
+    """Measure distances in the kernel of `pb-mhb` along the surface."""
+    moment_calibration: bool
+    """Scale the kernel of `pb-mhb` so that its second moment is right around every point."""
+    heat_correction: bool
+    """Report λ = −ln(1−tμ)/t beside the μ of the matrices."""
+
+
+def as_json(function: str, own: dict[str, Any], given: dict[str, Any]) -> str:
+    """Give the parameters as JSON: the function's `own`, and those `given` by name; `None` is as if absent."""
+    for name in given:
+        if name not in Parameters.__annotations__:
+            raise TypeError(f"{function}() got an unexpected keyword argument '{name}'{_hint(name)}")
+    parameters = {name: _plain(name, value) for name, value in {**own, **given}.items() if value is not None}
+    return json.dumps(parameters)
+
+
+def _hint(name: str) -> str:
+    own = {"bases": "k", "tolerance": "tol", "kind": "operator"}
+    names = [*Parameters.__annotations__, "operator", "k", "tol", "faces", "threads", "nonfinite", "progress", *own]
+    near = difflib.get_close_matches(name.lower(), names, n=1)
+    return f". Did you mean '{own.get(near[0], near[0])}'?" if near else ""
+
+
+def _plain(name: str, value: Any) -> Any:
+    value = value.item() if isinstance(value, (np.generic, np.ndarray)) and np.ndim(value) == 0 else value
+    if not isinstance(value, (bool, int, float, str)) or (isinstance(value, float) and not math.isfinite(value)):
+        name = {"bases": "k", "tolerance": "tol"}.get(name, name)
+        raise ValueError(f"parameter `{name}` must be a finite number, a word or a truth value, not {value!r}")
+    return value
