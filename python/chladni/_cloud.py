@@ -78,9 +78,10 @@ class Cloud:
         return _fixed(self._inner.faces())
 
     @cached_property
-    def fields(self) -> dict[str, Array]:
-        """Every field's values, in the order of the file."""
-        return {name: _fixed(self._inner.field(i)) for i, (name, _) in enumerate(self._inner.field_types())}
+    def fields(self) -> dict[str, NDArray[Any]]:
+        """Every field's values, in the order and the types of the file."""
+        types = self._inner.field_types()
+        return {name: _fixed(_typed(self._inner.field(i), kind)) for i, (name, kind) in enumerate(types)}
 
     @property
     def grids(self) -> list[tuple[float, float]] | None:
@@ -237,6 +238,13 @@ def _field(name: str, values: ArrayLike) -> tuple[str, str, Array]:
     return name, _kind(array), _doubles(array)
 
 
+def _typed(values: Array, kind: str) -> NDArray[Any]:
+    """Give the values in their own type, if that holds them: a row without a value is NaN, which no integer is."""
+    with np.errstate(invalid="ignore"):
+        typed = values.astype(kind)
+    return typed if np.array_equal(typed, values, equal_nan=kind.startswith("float")) else values
+
+
 def _fixed(array: NDArray[Scalar]) -> NDArray[Scalar]:
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array

@@ -25,13 +25,11 @@ def bumpy() -> np.ndarray:
     return np.ascontiguousarray((radius * np.stack([x, 1.2 * y, 0.9 * z])).T)
 
 
-def command(*arguments: str | Path) -> str:
+COMMAND = (sys.executable, "-m", "chladni._command_line")
+
+
+def command(*arguments: str | float | Path) -> str:
     """What `chladni …` prints; it must succeed."""
-    done = subprocess.run(
-        [sys.executable, "-m", "chladni._command_line", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run([*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout

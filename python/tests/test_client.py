@@ -6,11 +6,11 @@ import http.server
 import json
 import re
 import subprocess
-import sys
 import threading
 
 import numpy as np
 import pytest
+from conftest import COMMAND
 
 import chladni
 
@@ -18,15 +18,8 @@ import chladni
 @pytest.fixture(scope="module")
 def url(tmp_path_factory):
     folder = tmp_path_factory.mktemp("service")
-    process = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "chladni._command_line", "serve"),
-            *("--listen", "127.0.0.1:0", "--database", folder / "chladni.db"),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    call = [*COMMAND, "serve", "--listen", "127.0.0.1:0", "--database", folder / "chladni.db"]
+    process = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert process.stdout is not None
     for line in process.stdout:
         if found := re.search(r"127\.0\.0\.1:(\d{2,5})", line):
@@ -57,6 +50,28 @@ def test_files_are_uploaded_as_they_are(url, bumpy, tmp_path):
     chladni.write(tmp_path / "cloud.ply", bumpy)
     job = chladni.Client(url).upload(tmp_path / "cloud.ply", bases=5, operator="voronoi").wait()
     assert job.bases(first=1, count=2).vectors.shape == (len(bumpy), 2)
+
+
+def test_clouds_go_with_their_fields_and_faces(url, bumpy):
+    cloud = chladni.Cloud(bumpy, faces=[[0, 1, 2]], fields={"height": bumpy[:, 2]})
+    job = chladni.Client(url).upload(cloud, bases=5).wait()
+    found = json.loads(chladni.Client(url).request("GET", f"/clouds/{job.state['cloud_id']}"))
+    assert found["faces"] == 1 and [field["name"] for field in found["fields"]] == ["height"]
+
+
+def test_all_columns_of_an_array_are_coordinates(url):
+    torus = chladni.sample("flat-torus-4", 500).points
+    assert chladni.Client(url).upload(torus, bases=3).wait().bases().points.shape == (500, 4)
+
+
+def test_a_job_can_be_canceled_and_waiting_has_an_end(url):
+    client = chladni.Client(url)
+    job = client.upload(chladni.sample("bumpy-sphere", 60_000), bases=400)
+    with pytest.raises(TimeoutError, match=job.id):
+        job.wait(seconds=0.5)
+    job.cancel()
+    with pytest.raises(chladni.ServiceError, match="canceled"):
+        job.wait(seconds=60)
 
 
 def test_refusals_are_errors_with_the_services_words(url, bumpy):
