@@ -11,7 +11,7 @@ from ._cloud import Cloud
 from ._progress import Progress, told
 
 
-def analyze(cloud: Cloud, kind: str, parameters: str, threads: int | None, progress: Progress) -> Any:
+def analyze(cloud: Cloud, kind: str, parameters: dict[str, object], threads: int | None, progress: Progress) -> Any:
     """Analyze; Ctrl-C ends the computation at its next checkpoint."""
     workers = 0 if threads is None else operator.index(threads)
     if workers < 0:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from . import _chladni
 from ._analysis import analyze
 from ._cloud import Array, Cloud, as_cloud, columns, numbers, read
-from ._parameters import Parameters, as_json
+from ._parameters import Parameters
 from ._progress import Progress
 
 if TYPE_CHECKING:
@@ -53,10 +53,12 @@ def eigenbasis(
     >>> basis.vectors.shape, bool(basis.residuals.max() < 1e-4)
     ((500, 9), True)
     """
-    own = {"operator": operator, "bases": k if k is None else operators.index(k), "tolerance": tol}
-    text = as_json("eigenbasis", own, dict(parameters))
     cloud = as_cloud(points, faces, nonfinite=nonfinite)
-    report, mass, vectors, _ = analyze(cloud, "eigen", text, threads, progress)
+    for name, argument in (("bases", "k"), ("tolerance", "tol")):  # as the service calls them
+        if name in parameters:
+            raise TypeError(f"unexpected keyword argument '{name}'. Did you mean '{argument}'?")
+    own = {"operator": operator, "bases": k, "tolerance": tol}
+    report, mass, vectors, _ = analyze(cloud, "eigen", {**own, **parameters}, threads, progress)
     return Basis(cloud, report, mass, vectors)
 
 
@@ -170,7 +172,8 @@ class Basis:
         """
         values, flat = columns(self.cloud.points if f is None else f, "f", len(self.vectors))
         if gains is None:
-            chosen, rest = self._modes.transfer(kind, by, cutoff, from_, to, gain, time, taper, outside)
+            edges = {"cutoff": cutoff, "from": from_, "to": to, "gain": gain, "time": time}
+            chosen, rest = self._modes.transfer({"kind": kind, "by": by, **edges, "taper": taper, "outside": outside})
         elif kind != "low-pass" or any(edge is not None for edge in (cutoff, from_, to, gain, time)):
             raise ValueError("gains take the place of a filter: leave kind and its edges out")
         else:
@@ -206,16 +209,17 @@ class Basis:
         >>> bool((basis.hks(basis.scales("hks", 5)) == basis.hks(5)).all())
         True
         """
-        return np.array(self._modes.scales(kind, _count(count)))
+        return np.array(self._modes.scales({"kind": kind, "count": count}))
 
     def _signature(self, kind: str, scales: ArrayLike | int, scaled: bool) -> Array:
         given = numbers(scales, "times" if kind == "hks" else "energies")
         if given.ndim == 0 and given.dtype.kind in "iu":
-            return self._modes.signature(self.vectors, kind, None, _count(int(given)), scaled)
+            request = {"kind": kind, "count": int(given), "scaled": scaled}
+            return self._modes.signature(self.vectors, request, None)
         if given.ndim > 1:
             raise ValueError(f"scales must have the shape (s,), not {given.shape}")
         wanted = [float(scale) for scale in np.atleast_1d(given)]
-        return self._modes.signature(self.vectors, kind, wanted, len(wanted), scaled)
+        return self._modes.signature(self.vectors, {"kind": kind, "scaled": scaled}, wanted)
 
     def distances(self, i: int, kind: str = "biharmonic", time: float | None = None) -> Array:
         """Give the distances, (n,), of all points from point `i`: biharmonic, or diffusion at a time in length².
@@ -229,23 +233,28 @@ class Basis:
         row = operators.index(i)
         if not -rows <= row < rows:
             raise IndexError(f"point {row}: there are {rows}")
-        return self._modes.distances(self.vectors, row % rows, kind, time)
+        return self._modes.distances(self.vectors, {"from": row % rows, "kind": kind, "time": time})
 
     def features(
-        self, modes: int | None = None, persistence: float | None = None, radius: float | None = None
+        self,
+        modes: int | None = None,
+        persistence: float | None = None,
+        radius: float | None = None,
+        limit: int | None = None,
     ) -> list[dict[str, Any]]:
         """Find points where consecutive bases have extrema, most persistent first.
 
         Each has `index`, `position`, `pairs` of modes and `persistence`. `modes` is how many modes are looked at,
         `persistence` the least of an extremum, 0.1 by default, `radius` that of the neighborhoods, twice the covering
-        radius by default.
+        radius by default, `limit` how many are given.
 
         >>> import chladni
         >>> found = chladni.eigenbasis(chladni.sample("bumpy-sphere", 1000), k=9).features()
         >>> sorted(found[0])
         ['index', 'pairs', 'persistence', 'position']
         """
-        found = self._modes.features(self.cloud._inner, self.vectors, self.mass, modes, persistence, radius)
+        request = {"modes": modes, "persistence": persistence, "radius": radius, "limit": limit}
+        found = self._modes.features(self.cloud._inner, self.vectors, self.mass, request)
         return list(json.loads(found))
 
     def invariants(self) -> dict[str, Any]:
@@ -267,7 +276,7 @@ class Basis:
         >>> basis.similarity(basis)["distance"]
         0.0
         """
-        return dict(json.loads(self._modes.similarity(other._modes, modes, sized)))
+        return dict(json.loads(self._modes.similarity(other._modes, {"modes": modes, "sized": sized})))
 
     def image(
         self,
@@ -306,9 +315,9 @@ class Basis:
             painted = np.ascontiguousarray(numbers(values, "values"), dtype=np.float64)
             if painted.shape != self.mass.shape:
                 raise ValueError(f"values must have the shape {self.mass.shape}, not {painted.shape}")
-        sight: dict[str, Any] = {"azimuth": azimuth, "elevation": elevation, "up": up, "width": width}
-        sight |= {"height": height, "background": background, "legend": legend}
-        return _chladni.draw(self.cloud._inner, painted, shown, sight)
+        view: dict[str, object] = {"azimuth": azimuth, "elevation": elevation, "up": up, "width": width}
+        view |= {"height": height, "background": background, "legend": legend}
+        return _chladni.draw(self.cloud._inner, painted, shown, view)
 
     def _repr_png_(self) -> bytes:
         first = int(self.report["spectrum"]["components"])
@@ -357,9 +366,3 @@ def load(directory: str | PathLike[str]) -> Basis:
     own = inner.field_types()[: -vectors.shape[1]]
     fields = [(name, kind, inner.field(i)) for i, (name, kind) in enumerate(own)]
     return Basis(Cloud._of(flat.with_fields(fields)), text, mass, vectors)
-
-
-def _count(scales: int) -> int:
-    if not 1 <= scales <= 10_000:
-        raise ValueError(f"the number of scales must be from 1 to 10,000, not {scales}")
-    return scales

@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Callable, final
+from typing import Any, Callable, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,7 @@ class Cloud:
         points: NDArray[np.float64], kind: str, faces: NDArray[np.int64] | None, nonfinite: str
     ) -> Cloud: ...
     @staticmethod
-    def read(
-        path: str | PathLike[str],
-        format: str | None,
-        coordinates: int | None,
-        scan: int | None,
-        nonfinite: str,
-    ) -> Cloud: ...
+    def read(path: str | PathLike[str], reading: dict[str, Any]) -> Cloud: ...
     def write(self, path: str | PathLike[str], format: str | None, ascii: bool) -> None: ...
     def to_ply(self) -> bytes: ...
     def write_bases(self, path: str | PathLike[str], vectors: NDArray[np.float64]) -> None: ...
@@ -54,18 +48,7 @@ class Modes:
     def synthesize(
         vectors: NDArray[np.float64], coefficients: NDArray[np.float64]
     ) -> NDArray[np.float64]: ...
-    def transfer(
-        self,
-        kind: str,
-        by: str,
-        cutoff: float | None,
-        from_: float | None,
-        to: float | None,
-        gain: float | None,
-        time: float | None,
-        taper: float,
-        outside: float | None,
-    ) -> tuple[list[float], float]: ...
+    def transfer(self, filter: dict[str, Any]) -> tuple[list[float], float]: ...
     def filter(
         self,
         vectors: NDArray[np.float64],
@@ -74,35 +57,28 @@ class Modes:
         gains: list[float],
         outside: float,
     ) -> NDArray[np.float64]: ...
-    def scales(self, kind: str, count: int) -> list[float]: ...
+    def scales(self, request: dict[str, Any]) -> list[float]: ...
     def signature(
-        self,
-        vectors: NDArray[np.float64],
-        kind: str,
-        scales: list[float] | None,
-        count: int,
-        scaled: bool,
+        self, vectors: NDArray[np.float64], request: dict[str, Any], scales: list[float] | None
     ) -> NDArray[np.float64]: ...
     def distances(
-        self, vectors: NDArray[np.float64], row: int, kind: str, time: float | None
+        self, vectors: NDArray[np.float64], request: dict[str, Any]
     ) -> NDArray[np.float64]: ...
     def features(
         self,
         cloud: Cloud,
         vectors: NDArray[np.float64],
         mass: NDArray[np.float64],
-        modes: int | None,
-        persistence: float | None,
-        radius: float | None,
+        request: dict[str, Any],
     ) -> str: ...
     def invariants(self) -> str: ...
-    def similarity(self, other: Modes, modes: int, sized: bool) -> str: ...
+    def similarity(self, other: Modes, comparison: dict[str, Any]) -> str: ...
 
 def draw(
     cloud: Cloud,
     values: NDArray[np.float64] | None,
     shown: tuple[int, float | None] | str,
-    sight: dict[str, object],
+    view: dict[str, Any],
 ) -> bytes: ...
 def sample(
     shape: str, points: int, sampling: str, noise: float, seed: int, angle: float
@@ -110,7 +86,7 @@ def sample(
 def analyze(
     cloud: Cloud,
     kind: str,
-    parameters: str,
+    parameters: dict[str, Any],
     threads: int,
     progress: Callable[[float, str], object] | None,
 ) -> tuple[

@@ -134,7 +134,8 @@ def read(
     >>> read(file)
     Cloud(3 points in 3 dimensions, 0 faces, fields: none)
     """
-    return Cloud._of(_chladni.Cloud.read(fspath(path), format, coordinates, scan, nonfinite))
+    reading = {"format": format, "coordinates": coordinates, "scan": scan, "nonfinite": nonfinite}
+    return Cloud._of(_chladni.Cloud.read(fspath(path), reading))
 
 
 def write(

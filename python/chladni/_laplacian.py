@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ._analysis import analyze
 from ._cloud import Cloud, as_cloud
-from ._parameters import Parameters, as_json
+from ._parameters import Parameters
 from ._progress import Progress
 
 if TYPE_CHECKING:
@@ -46,9 +46,8 @@ def laplacian(
     """
     from scipy.sparse import csr_matrix, diags
 
-    text = as_json("laplacian", {"operator": operator}, dict(parameters))
     cloud = as_cloud(points, faces, nonfinite=nonfinite)
-    _, mass, _, matrix = analyze(cloud, "operator", text, threads, progress)
+    _, mass, _, matrix = analyze(cloud, "operator", {"operator": operator, **parameters}, threads, progress)
     offsets, columns, values = matrix
     np.negative(values, out=values)
     n = len(mass)

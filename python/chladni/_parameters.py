@@ -1,13 +1,8 @@
-"""Parameters of an analysis, and what is said of a misspelled one."""
+"""Parameters of an analysis."""
 
 from __future__ import annotations
 
-import difflib
-import json
-import math
-from typing import Any, TypedDict
-
-import numpy as np
+from typing import TypedDict
 
 
 class Parameters(TypedDict, total=False):
@@ -43,27 +38,3 @@ class Parameters(TypedDict, total=False):
     """Scale the kernel of `pb-mhb` so that its second moment is right around every point."""
     heat_correction: bool
     """Report λ = −ln(1−tμ)/t beside the μ of the matrices."""
-
-
-def as_json(function: str, own: dict[str, Any], given: dict[str, Any]) -> str:
-    """Give the parameters as JSON: the function's `own`, and those `given` by name; `None` is as if absent."""
-    for name in given:
-        if name not in Parameters.__annotations__:
-            raise TypeError(f"{function}() got an unexpected keyword argument '{name}'{_hint(name)}")
-    parameters = {name: _plain(name, value) for name, value in {**own, **given}.items() if value is not None}
-    return json.dumps(parameters)
-
-
-def _hint(name: str) -> str:
-    own = {"bases": "k", "tolerance": "tol", "kind": "operator"}
-    names = [*Parameters.__annotations__, "operator", "k", "tol", "faces", "threads", "nonfinite", "progress", *own]
-    near = difflib.get_close_matches(name.lower(), names, n=1)
-    return f". Did you mean '{own.get(near[0], near[0])}'?" if near else ""
-
-
-def _plain(name: str, value: Any) -> Any:
-    value = value.item() if isinstance(value, (np.generic, np.ndarray)) and np.ndim(value) == 0 else value
-    if not isinstance(value, (bool, int, float, str)) or (isinstance(value, float) and not math.isfinite(value)):
-        name = {"bases": "k", "tolerance": "tol"}.get(name, name)
-        raise ValueError(f"parameter `{name}` must be a finite number, a word or a truth value, not {value!r}")
-    return value

@@ -6,18 +6,17 @@ use std::time::Duration;
 
 use chladni::analysis::{self, Analysis, AnalysisError, JobKind, Parameters, SparseMatrix};
 use chladni::cloud::PointCloud;
-use chladni::operator::OperatorKind;
 use chladni::progress::Progress;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rayon::prelude::*;
-use serde_json::{Map, Value};
 
+use crate::arguments::{self, called};
 use crate::cloud::Cloud;
 use crate::refused;
 use crate::threads::{guarded, pool};
-use crate::words::word;
 
 pyo3::create_exception!(
     chladni._chladni,
@@ -48,27 +47,29 @@ struct Computed {
     matrix: Option<SparseMatrix>,
 }
 
-/// Analyzes a cloud. `kind` is `eigen` or `operator`, `parameters` a JSON object; without `bases` among them there are as
-/// many as the command line takes. `progress` is called with the share that is done and the name of the phase.
+/// Analyzes a cloud. `kind` is `eigen` or `operator`; without `bases` among the parameters there are as many as the command
+/// line takes. `progress` is called with the share that is done and the name of the phase.
 #[pyfunction]
 #[pyo3(signature = (cloud, kind, parameters, threads, progress))]
 pub(crate) fn analyze<'py>(
     py: Python<'py>,
     cloud: &Bound<'py, Cloud>,
     kind: &str,
-    parameters: &str,
+    parameters: &Bound<'py, PyDict>,
     threads: usize,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Results<'py>> {
     let kind = if kind == "operator" { JobKind::Operator } else { JobKind::Eigen };
-    let asked = Asked::read(parameters)?;
+    let asked: Parameters = arguments::read(parameters)?;
+    asked.check().map_err(failed)?;
+    let names_bases = !parameters.get_item("bases")?.is_none_or(|bases| bases.is_none());
     let cloud = Arc::clone(&cloud.get().inner);
     let shared = Arc::new(Progress::new());
     let (done, mut waiting) = channel::<()>();
     let computing = std::thread::spawn({
         let shared = Arc::clone(&shared);
         move || {
-            let result = guarded(|| compute(&cloud, kind, asked, threads, &shared));
+            let result = guarded(|| compute(&cloud, kind, asked, names_bases, threads, &shared));
             drop(done);
             result
         }
@@ -95,45 +96,14 @@ pub(crate) fn analyze<'py>(
     into_python(py, computed)
 }
 
-/// Parameters, and whether the number of bases is one that nobody named.
-struct Asked {
-    parameters: Parameters,
-    names_bases: bool,
-}
-
-impl Asked {
-    fn read(text: &str) -> PyResult<Self> {
-        let given: Map<String, Value> = serde_json::from_str(text).map_err(refused)?;
-        let words: [(&str, &[&str]); 3] = [
-            ("operator", &OperatorKind::ALL.map(OperatorKind::name)),
-            ("distance", &["ambient", "projected"]),
-            ("parameterization", &["covering-radius", "nearest-ten"]),
-        ];
-        for (name, names) in words {
-            if let Some(Value::String(given)) = given.get(name) {
-                word(name, given, names, |word| names.contains(&word).then_some(()))?;
-            }
-        }
-        let names_bases = given.contains_key("bases");
-        let mut parameters = Parameters::default();
-        for (name, value) in given {
-            let mut all = serde_json::to_value(&parameters).map_err(refused)?;
-            all[&name] = value;
-            parameters = serde_json::from_value(all)
-                .map_err(|error| refused(format!("parameter `{}`: {error}", called(&name))))?;
-        }
-        Ok(Self { parameters, names_bases })
-    }
-}
-
 fn compute(
     cloud: &PointCloud,
     kind: JobKind,
-    asked: Asked,
+    mut parameters: Parameters,
+    names_bases: bool,
     threads: usize,
     progress: &Progress,
 ) -> PyResult<Computed> {
-    let Asked { mut parameters, names_bases } = asked;
     pool(threads)?.install(|| {
         if !names_bases {
             analysis::lower_bases(cloud, &mut parameters).map_err(failed)?;
@@ -179,14 +149,5 @@ fn failed(error: AnalysisError) -> PyErr {
             refused(AnalysisError::Parameter { name: called(name), reason })
         }
         other => refused(other),
-    }
-}
-
-/// What a parameter is called in Python.
-fn called(name: &str) -> &str {
-    match name {
-        "bases" => "k",
-        "tolerance" => "tol",
-        name => name,
     }
 }

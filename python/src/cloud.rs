@@ -5,16 +5,16 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chladni::cloud::reader::{self, Format, Limits, ReadOptions};
+use chladni::cloud::reader::{self, Format, Limits, ReadRequest};
 use chladni::cloud::writer::{self, PlyEncoding};
 use chladni::cloud::{Grid, NonFinite, Origin, PointCloud, ScalarField, ScalarType};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 
+use crate::arguments::{self, named};
 use crate::bases_ply::write_bases_ply;
-use crate::words::word;
 use crate::{refused, threads};
 
 /// A point cloud with its fields and faces, as the library holds it. It never changes.
@@ -52,29 +52,16 @@ impl Cloud {
         })
     }
 
-    /// Reads a file; the format follows from its name or content unless it is given.
+    /// Reads a file; how, is said as on the command line.
     #[staticmethod]
-    #[pyo3(signature = (path, format, coordinates, scan, nonfinite))]
-    fn read(
-        py: Python<'_>,
-        path: PathBuf,
-        format: Option<&str>,
-        coordinates: Option<usize>,
-        scan: Option<usize>,
-        nonfinite: &str,
-    ) -> PyResult<Self> {
-        let options = ReadOptions {
-            policy: policy(nonfinite)?,
-            dimension: coordinates,
-            scan,
-            limits: Limits::OF_THE_MACHINE,
-        };
-        let named = format.map(format_named).transpose()?;
+    fn read(py: Python<'_>, path: PathBuf, reading: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let reading: ReadRequest = arguments::read(reading)?;
+        let options = reading.options(Limits::OF_THE_MACHINE);
         threads::detached(py, || {
             let bytes = std::fs::read(&path).map_err(|error| of_file(&path, &error))?;
             let refused = |error: &dyn std::fmt::Display| refused(format!("{}: {error}", path.display()));
             let name = path.file_name().and_then(|name| name.to_str());
-            let Some(format) = named.or_else(|| Format::of_file(name, &bytes)) else {
+            let Some(format) = reading.format.or_else(|| Format::of_file(name, &bytes)) else {
                 return Err(match reader::foreign(&bytes) {
                     Some(error) => refused(&error),
                     None => {
@@ -219,7 +206,7 @@ fn without_number(error: &std::io::Error) -> String {
 }
 
 fn policy(nonfinite: &str) -> PyResult<NonFinite> {
-    word("nonfinite", nonfinite, &["reject", "drop"], |word| match word {
+    named("nonfinite", nonfinite, &["reject", "drop"], |word| match word {
         "reject" => Some(NonFinite::Reject),
         "drop" => Some(NonFinite::Drop),
         _ => None,
@@ -247,7 +234,7 @@ fn triangles(faces: &PyReadonlyArray2<'_, i64>) -> PyResult<Vec<[u32; 3]>> {
 }
 
 fn format_named(name: &str) -> PyResult<Format> {
-    word("format", name, &names(), Format::from_name)
+    named("format", name, &names(), Format::from_name)
 }
 
 fn names() -> [&'static str; Format::ALL.len()] {

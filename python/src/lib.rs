@@ -1,6 +1,7 @@
 //! The numbers of chladni for Python: thin functions on arrays. `chladni/__init__.py` is what users see.
 
 mod analysis;
+mod arguments;
 mod bases_ply;
 mod cloud;
 mod command_line;
@@ -8,7 +9,6 @@ mod modes;
 mod picture;
 mod sample;
 mod threads;
-mod words;
 
 use pyo3::prelude::*;
 

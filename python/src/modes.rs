@@ -4,19 +4,22 @@
 //! needed. The blocks are those of the command line: the same numbers come out, to the last bit.
 
 use chladni::analysis::Report;
-use chladni::harmonics::features::{self as salient, PERSISTENCE_MIN, RADIUS_IN_EPSILON};
+use chladni::harmonics::distances::DistanceRequest;
+use chladni::harmonics::features::{self as salient, Feature, FeatureRequest};
 use chladni::harmonics::functions::first_nonfinite;
+use chladni::harmonics::shape_dna::{self, Comparison};
+use chladni::harmonics::signatures::SignatureRequest;
 use chladni::harmonics::{
-    Block, Distance, DistanceKind, Feature, Filter, FilterKind, Function, Scale, Signature, SignatureKind,
-    Surroundings, Transfer, Transformed, filtered, invariants, shape_dna, transform,
+    Block, Distance, Filter, Function, Neighborhoods, Signature, Transfer, Transformed, filtered, invariants,
+    transform,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::cloud::Cloud;
-use crate::words::word;
-use crate::{refused, threads};
+use crate::{arguments, refused, threads};
 
 /// Rows that are worked on together.
 const BLOCK_ROWS: usize = 8192;
@@ -117,31 +120,8 @@ impl Modes {
     }
 
     /// Gain of every mode, and the factor on what lies outside of the span of the bases.
-    #[pyo3(signature = (kind, by, cutoff, from_, to, gain, time, taper, outside))]
-    #[allow(clippy::too_many_arguments)] // those of a filter
-    fn transfer(
-        &self,
-        kind: &str,
-        by: &str,
-        cutoff: Option<f64>,
-        from_: Option<f64>,
-        to: Option<f64>,
-        gain: Option<f64>,
-        time: Option<f64>,
-        taper: f64,
-        outside: Option<f64>,
-    ) -> PyResult<(Vec<f64>, f64)> {
-        let filter = Filter {
-            kind: word("kind", kind, &FilterKind::ALL.map(FilterKind::name), FilterKind::from_name)?,
-            by: word("by", by, &Scale::ALL.map(Scale::name), Scale::from_name)?,
-            cutoff,
-            from: from_,
-            to,
-            gain,
-            time,
-            taper,
-            outside,
-        };
+    fn transfer(&self, filter: &Bound<'_, PyDict>) -> PyResult<(Vec<f64>, f64)> {
+        let filter: Filter = arguments::read(filter)?;
         let transfer = filter.transfer(&self.modes).map_err(refused)?;
         Ok((transfer.gains, transfer.outside))
     }
@@ -167,47 +147,34 @@ impl Modes {
     }
 
     /// So many times (`hks`) or energies (`wks`), spread over the spectrum.
-    fn scales(&self, kind: &str, count: usize) -> PyResult<Vec<f64>> {
-        Ok(self.signature_of(kind, None, count)?.scales)
+    fn scales(&self, request: &Bound<'_, PyDict>) -> PyResult<Vec<f64>> {
+        Ok(self.signature_of(request, None)?.scales)
     }
 
-    /// Heat or wave kernel signatures (n × s) at given scales, or at `count` spread over the spectrum.
-    #[pyo3(signature = (vectors, kind, scales, count, scaled))]
+    /// Heat or wave kernel signatures (n × s) at given scales, or at those of the request, spread over the spectrum.
+    #[pyo3(signature = (vectors, request, scales))]
     fn signature<'py>(
         &self,
         py: Python<'py>,
         vectors: PyReadonlyArray2<'py, f64>,
-        kind: &str,
+        request: &Bound<'py, PyDict>,
         scales: Option<Vec<f64>>,
-        count: usize,
-        scaled: bool,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let signature = self.signature_of(kind, scales, count)?;
-        let signature = if scaled { signature.scaled() } else { signature };
+        let signature = self.signature_of(request, scales)?;
         let rows = Rows::of(&vectors)?;
         let (flat, width) = threads::detached(py, || Ok(rows.columns(|block| signature.values(block))))?;
         array(py, flat, [vectors.shape()[0], width])
     }
 
     /// Distances of all rows from one.
-    #[pyo3(signature = (vectors, row, kind, time))]
     fn distances<'py>(
         &self,
         py: Python<'py>,
         vectors: PyReadonlyArray2<'py, f64>,
-        row: usize,
-        kind: &str,
-        time: Option<f64>,
+        request: &Bound<'py, PyDict>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let kind = word("kind", kind, &["biharmonic", "diffusion"], |word| match word {
-            "biharmonic" => Some(DistanceKind::Biharmonic),
-            "diffusion" => Some(DistanceKind::Diffusion),
-            _ => None,
-        })?;
+        let DistanceRequest { from: row, kind, time } = arguments::read(request)?;
         let rows = Rows::of(&vectors)?;
-        if time.is_some_and(|time| !(time.is_finite() && time > 0.0)) {
-            return Err(refused("time must be a number above 0"));
-        }
         let origin = rows.values.get(row * rows.bases..(row + 1) * rows.bases);
         let origin = origin.ok_or_else(|| refused(format!("row {row}: there are {}", vectors.shape()[0])))?;
         let distance = Distance::from(kind, origin.to_vec(), time, &self.modes);
@@ -217,37 +184,31 @@ impl Modes {
         Ok(PyArray1::from_vec(py, blocks.concat()))
     }
 
-    /// Feature points as JSON, most persistent first; the radius is absent for that of the sampling.
-    #[pyo3(signature = (cloud, vectors, mass, modes, persistence, radius))]
-    #[allow(clippy::too_many_arguments)] // the bases, and how they are looked at
+    /// Feature points as JSON, most persistent first.
     fn features(
         &self,
         py: Python<'_>,
         cloud: &Bound<'_, Cloud>,
         vectors: PyReadonlyArray2<'_, f64>,
         mass: PyReadonlyArray1<'_, f64>,
-        modes: Option<usize>,
-        persistence: Option<f64>,
-        radius: Option<f64>,
+        request: &Bound<'_, PyDict>,
     ) -> PyResult<String> {
+        let wanted: FeatureRequest = arguments::read(request)?;
         let (cloud, rows, mass) = (&*cloud.get().inner, Rows::of(&vectors)?, mass.as_slice()?);
-        let radius = radius.unwrap_or(RADIUS_IN_EPSILON * self.report.sampling.epsilon);
-        if !(radius.is_finite() && radius > 0.0) {
-            return Err(refused(format!("radius must be a number above 0, not {radius}")));
-        }
+        let radius = wanted.radius(self.report.sampling.epsilon);
         threads::detached(py, || {
-            let surroundings = Surroundings::find(cloud, mass, radius).map_err(refused)?;
+            let neighborhoods = Neighborhoods::find(cloud, mass, radius).map_err(refused)?;
             let area: f64 = mass.iter().filter(|mass| !mass.is_nan()).sum();
-            let count = modes.unwrap_or(usize::MAX).min(self.modes.len());
+            let count = wanted.modes(self.modes.len());
             let first = self.modes.zero_modes().min(count);
             let extrema: Vec<_> = (first..count)
                 .into_par_iter()
-                .map(|j| salient::extrema(&rows.basis(j), &surroundings, area))
+                .map(|j| salient::extrema(&rows.basis(j), &neighborhoods, area))
                 .collect();
-            let persistence = persistence.unwrap_or(PERSISTENCE_MIN);
-            let places = salient::features(&extrema, first, &surroundings, persistence);
+            let mut places = salient::features(&extrema, first, &neighborhoods, wanted.persistence);
+            places.truncate(wanted.limit.unwrap_or(usize::MAX));
             let found: Vec<Feature> =
-                places.iter().map(|place| place.in_cloud(&surroundings, cloud)).collect();
+                places.iter().map(|place| place.in_cloud(&neighborhoods, cloud)).collect();
             serde_json::to_string(&found).map_err(refused)
         })
     }
@@ -263,8 +224,8 @@ impl Modes {
     }
 
     /// Distance of two spectra (`ShapeDNA`) as JSON.
-    #[pyo3(signature = (other, modes, sized))]
-    fn similarity(&self, other: &Bound<'_, Self>, modes: usize, sized: bool) -> PyResult<String> {
+    fn similarity(&self, other: &Bound<'_, Self>, comparison: &Bound<'_, PyDict>) -> PyResult<String> {
+        let Comparison { modes, sized } = arguments::read(comparison)?;
         let other = other.get();
         let areas = [self.report.sampling.area, other.report.sampling.area];
         let found = shape_dna::compare([&self.modes, &other.modes], areas, sized, modes);
@@ -274,15 +235,12 @@ impl Modes {
 }
 
 impl Modes {
-    fn signature_of(&self, kind: &str, scales: Option<Vec<f64>>, count: usize) -> PyResult<Signature> {
-        let kind = word("kind", kind, &["hks", "wks"], |word| match word {
-            "hks" => Some(SignatureKind::Hks),
-            "wks" => Some(SignatureKind::Wks),
-            _ => None,
-        })?;
+    fn signature_of(&self, request: &Bound<'_, PyDict>, scales: Option<Vec<f64>>) -> PyResult<Signature> {
+        let request: SignatureRequest = arguments::read(request)?;
         let signature = match scales {
-            Some(scales) => Signature::at(kind, scales, &self.modes),
-            None => Signature::new(kind, count, &self.modes),
+            Some(scales) => Signature::at(request.kind, scales, &self.modes)
+                .map(|signature| if request.scaled { signature.scaled() } else { signature }),
+            None => Signature::of(request, &self.modes),
         };
         signature.ok_or_else(|| {
             refused(

@@ -1,16 +1,13 @@
 //! Pictures of clouds.
 
-use chladni::picture::{Background, Legend, Paint, Picture, Up, View, legend_of_basis};
+use chladni::picture::{Legend, Paint, Picture, View, legend_of_basis};
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 
+use crate::arguments;
 use crate::cloud::Cloud;
-use crate::words::word;
 use crate::{refused, threads};
-
-/// Most pixels of a side.
-const SIDE_MAX: usize = 16_384;
 
 /// What the colors stand for: a basis with its number and λ, which may have either sign; or a title of the caller's.
 #[derive(FromPyObject)]
@@ -19,57 +16,17 @@ pub(crate) enum Shown {
     Values(String),
 }
 
-/// From where and how large; what is absent is the view of the command line.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(crate) struct Sight {
-    azimuth: Option<f64>,
-    elevation: Option<f64>,
-    up: Option<String>,
-    width: Option<usize>,
-    height: Option<usize>,
-    background: Option<String>,
-    legend: bool,
-}
-
-impl Sight {
-    fn view(&self) -> PyResult<View> {
-        let default = View::default();
-        let up = self.up.as_deref().map(|up| word("up", up, &Up::NAMES, Up::from_name)).transpose()?;
-        let background = self
-            .background
-            .as_deref()
-            .map(|background| word("background", background, &Background::NAMES, Background::from_name));
-        let view = View {
-            azimuth: self.azimuth.unwrap_or(default.azimuth),
-            elevation: self.elevation.unwrap_or(default.elevation),
-            up: up.unwrap_or(default.up),
-            width: self.width.unwrap_or(default.width),
-            height: self.height.unwrap_or(default.height),
-            background: background.transpose()?.unwrap_or(default.background),
-            legend: self.legend,
-        };
-        if [view.width, view.height].iter().any(|side| !(1..=SIDE_MAX).contains(side)) {
-            return Err(refused(format!("width and height must be from 1 to {SIDE_MAX} pixels")));
-        }
-        if !(view.azimuth.is_finite() && view.elevation.is_finite()) {
-            return Err(refused("azimuth and elevation must be finite numbers of degrees"));
-        }
-        Ok(view)
-    }
-}
-
-/// Draws a cloud, colored by one value per row, as PNG.
+/// Draws a cloud, colored by one value per row, as PNG; `view` is that of the command line.
 #[pyfunction]
-#[pyo3(signature = (cloud, values, shown, sight))]
+#[pyo3(signature = (cloud, values, shown, view))]
 pub(crate) fn draw<'py>(
     py: Python<'py>,
     cloud: &Bound<'py, Cloud>,
     values: Option<PyReadonlyArray1<'py, f64>>,
     shown: Shown,
-    sight: Sight,
+    view: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyBytes>> {
-    let view = sight.view()?;
+    let view: View = arguments::read(view)?;
     let cloud = &*cloud.get().inner;
     if let Some(values) = values.as_ref().filter(|values| values.len() != cloud.len()) {
         return Err(refused(format!(

@@ -3,8 +3,8 @@
 use chladni::cloud::shapes::{self, SampleRequest, Sampling, Shape};
 use pyo3::prelude::*;
 
+use crate::arguments::named;
 use crate::cloud::Cloud;
-use crate::words::word;
 use crate::{refused, threads};
 
 /// Draws so many points of a shape.
@@ -19,8 +19,8 @@ pub(crate) fn sample(
     seed: u64,
     angle: f64,
 ) -> PyResult<Cloud> {
-    let shape = word("shape", shape, &Shape::ALL.map(Shape::name), Shape::from_name)?;
-    let sampling = word("sampling", sampling, &Sampling::ALL.map(Sampling::name), Sampling::from_name)?;
+    let shape = named("shape", shape, &Shape::ALL.map(Shape::name), Shape::from_name)?;
+    let sampling = named("sampling", sampling, &Sampling::ALL.map(Sampling::name), Sampling::from_name)?;
     let request = SampleRequest { shape, points, sampling, noise, seed, angle };
     threads::detached(py, || Ok(shapes::sample(&request).map_err(refused)?.into()))
 }
