@@ -105,10 +105,12 @@ fn compute(
     progress: &Progress,
 ) -> PyResult<Computed> {
     pool(threads)?.install(|| {
-        if !names_bases {
-            analysis::lower_bases(cloud, &mut parameters).map_err(failed)?;
-        }
-        analysis::admit(cloud, &parameters).map_err(failed)?;
+        let admitted = if names_bases {
+            analysis::admit(cloud, &parameters)
+        } else {
+            analysis::admit_lowered(cloud, &mut parameters)
+        };
+        admitted.map_err(failed)?;
         let analysis = analysis::analyze(cloud, kind, &parameters, progress).map_err(failed)?;
         let report = serde_json::to_string(&analysis.report).map_err(refused)?;
         let vectors = (kind == JobKind::Eigen).then(|| (by_rows(&analysis, cloud.len()), analysis.bases()));
