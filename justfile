@@ -58,8 +58,7 @@ api: release
     target/tools/schemathesis/bin/python .ci/schemathesis.py target/release/chladni
 
 # Clients that others generate from openapi.yaml, against the running service
-clients:
-    cargo build --locked --release
+clients: release
     .ci/clients/run target/release/chladni
 
 # Files of other programs, both ways
