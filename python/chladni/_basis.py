@@ -249,7 +249,7 @@ class Basis:
         radius by default, `limit` how many are given.
 
         >>> import chladni
-        >>> found = chladni.eigenbasis(chladni.sample("bumpy-sphere", 1000), k=9).features()
+        >>> found = chladni.eigenbasis(chladni.sample("bumpy-sphere", 1000), k=25).features()
         >>> sorted(found[0])
         ['index', 'pairs', 'persistence', 'position']
         """
@@ -346,6 +346,12 @@ def load(directory: str | PathLike[str]) -> Basis:
     """Read a directory of results, of `Basis.save` or of `chladni analyze`.
 
     Raises `ValueError` when the directory holds no bases, or files of different analyses, and `OSError` as `open` does.
+
+    >>> import chladni, tempfile
+    >>> folder = tempfile.mkdtemp()
+    >>> chladni.eigenbasis(chladni.sample("sphere", 500), k=9).save(folder)
+    >>> load(folder)
+    Basis(9 eigenpairs of pb-mhb on 500 points)
     """
     folder = Path(directory)
     text = (folder / "report.json").read_text(encoding="utf-8")

@@ -42,7 +42,7 @@ def laplacian(
     >>> import chladni
     >>> L, M = chladni.laplacian(chladni.sample("sphere", 400))
     >>> L.shape, bool(abs(L.sum()) < 1e-9), round(float(M.sum()), 1)
-    ((400, 400), True, 12.6)
+    ((400, 400), True, 12.5)
     """
     from scipy.sparse import csr_matrix, diags
 
