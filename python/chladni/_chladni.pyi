@@ -4,7 +4,17 @@ from typing import Any, Callable, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__: list[str]
+__all__ = [
+    "Cloud",
+    "Modes",
+    "NumericalError",
+    "__version__",
+    "analyze",
+    "draw",
+    "run_command_line",
+    "sample",
+]
+
 __version__: str
 
 class NumericalError(RuntimeError): ...

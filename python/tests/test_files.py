@@ -93,7 +93,7 @@ def test_what_cannot_be_read_or_written_is_said(tmp_path):
     with pytest.raises(ValueError, match="HTML"):
         chladni.read(tmp_path / "page.ply")
     with pytest.raises(ValueError, match="did you mean `ply`"):
-        chladni.read(tmp_path / "broken.ply", format="pyl")
+        chladni.read(tmp_path / "broken.ply", format="plyy")
     with pytest.raises(ValueError, match="a choice of PLY"):
         chladni.write(tmp_path / "cloud.obj", np.eye(3), ascii=True)
     with pytest.raises(ValueError, match="read, not written"):
