@@ -25,7 +25,7 @@ METHODS = {
 }
 
 SCRIPT = """
-import json, resource, sys, time
+import json, sys, time
 import numpy as np
 import chladni, robust_laplacian
 from scipy.sparse.linalg import eigsh
@@ -37,7 +37,9 @@ points, k = np.load(sys.argv[1]), int(sys.argv[2])
 began = time.perf_counter()
 {}
 seconds = time.perf_counter() - began
-memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+# not ru_maxrss: a child begins with its parent's
+status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+memory = int(status["VmHWM"].split()[0]) / 1e6
 print(json.dumps([seconds, memory, list(values)]))
 """
 
