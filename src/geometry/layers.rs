@@ -7,9 +7,11 @@
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use rayon::prelude::*;
 
 use super::frames::{Frames, SWEEPS_MAX};
 use super::points::Points;
+use super::stars::Stars;
 
 /// Neighbors that are counted.
 const COUNTED: usize = 20;
@@ -32,6 +34,10 @@ const SURROUNDED: f64 = 0.7 * PI;
 
 /// Angle by which a link from one layer to another is steeper than the turn of the planes.
 const ACROSS: f64 = PI / 3.0;
+
+/// Angle from which a link is not along the sheet. Between layers links are steep or flat; where points are noisy there is
+/// every slope between.
+const RISING: f64 = PI / 9.0;
 
 /// Nearest neighbors whose distance is a scale, and the least rise of a link between layers in units of it.
 pub(super) const REACHED: usize = 8;
@@ -110,19 +116,19 @@ fn surrounds(around: &[Around], normal: Vector3<f64>) -> bool {
     angles.windows(2).map(|pair| pair[1] - pair[0]).fold(across, f64::max) < SURROUNDED
 }
 
-/// Whether a link is steeper against the planes of its ends than these are against each other.
+/// Angle by which a link is steeper against the planes of its ends than these are against each other.
 ///
 /// Along an arc, and across a crease, the angles of a link against the planes of its ends add up to that between the planes.
 /// From one layer of a thin part to the other the planes are parallel and the link is steep. Links that rise by less than
-/// a share of the spacing belong to one sheet that was scanned twice; `reach` is the squared distance of a point's
+/// a share of the spacing belong to one sheet that was scanned twice: 0; `reach` is the squared distance of a point's
 /// [`REACHED`] nearest.
-pub(super) fn leads_across(
+pub(super) fn steepness(
     points: &Points,
     frames: &Frames,
     reach: impl Fn(usize) -> f64,
     i: usize,
     q: usize,
-) -> bool {
+) -> f64 {
     let squared = points.squared_distance(i, q);
     let flat = |i: usize, q: usize| {
         let [x, y] = frames.project::<2>(points, i, q);
@@ -130,11 +136,44 @@ pub(super) fn leads_across(
     };
     let (here, there) = (flat(i, q), flat(q, i));
     if squared - here.min(there) < RISE_MIN * RISE_MIN * reach(i).max(reach(q)) {
-        return false;
+        return 0.0;
     }
     let [rise, back] = [here, there].map(|flat| (flat / squared).min(1.0).sqrt().acos());
     let between = frames.agreement(i, q).abs().min(1.0).acos();
-    rise + back - between > ACROSS
+    rise + back - between
+}
+
+/// Whether a link of this steepness leads from one layer to another, where there are layers.
+pub(super) fn leads_across(steepness: f64) -> bool {
+    steepness > ACROSS
+}
+
+/// The points whose star has a link to another layer.
+///
+/// Noise makes such links too, and leaving them out would make the surface smoother than its points are: a point counts
+/// only where, in its star and those of its neighbors, no more links are between flat and steep than are steep.
+pub(super) fn layered(stars: &Stars, steepness: impl Fn(usize, u32) -> f64 + Sync) -> Vec<bool> {
+    let counts: Vec<[u32; 2]> = (0..stars.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            stars.of(i).iter().fold([0, 0], |[across, between], spoke| {
+                let steepness = steepness(i, spoke.neighbor);
+                let leads = leads_across(steepness);
+                [across + u32::from(leads), between + u32::from(!leads && steepness > RISING)]
+            })
+        })
+        .collect();
+    (0..stars.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .map(|i| {
+            let around = stars.of(i).iter().map(|spoke| counts[spoke.neighbor as usize]);
+            let [across, between] =
+                around.fold(counts[i], |[a, b], [across, between]| [a + across, b + between]);
+            counts[i][0] > 0 && across >= between
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -157,6 +196,10 @@ mod tests {
                 [at(i % SIDE, 2 * i), at(i / SIDE % SIDE, 2 * i + 1), gap * upper as f64]
             })
             .collect();
+        searchable(&rows)
+    }
+
+    fn searchable(rows: &[[f64; 3]]) -> (Points, SearchTree, NearestNeighbors) {
         let cloud = PointCloud::new(3, rows.concat(), NonFinite::Reject).unwrap();
         let points = Points::prepare(&cloud, 2).unwrap();
         let tree = SearchTree::new(&points);
@@ -200,5 +243,23 @@ mod tests {
         };
         let (without, with) = (joining(false), joining(true));
         assert!(without > 500 && 4 * with < 3 * without, "{without} {with}");
+    }
+
+    #[test]
+    fn noise_is_not_taken_for_layers() {
+        // one lattice, half of which has heights as noisy as half of its spacing is wide
+        let at = |k: u64, seed: u64| k as f64 + 0.5 * jitter(seed);
+        let height = |i: u64| if i % SIDE < SIDE / 2 { 1.25 * jitter(i + 10_000) } else { 0.0 };
+        let noisy: Vec<[f64; 3]> =
+            (0..SIDE * SIDE).map(|i| [at(i % SIDE, 2 * i), at(i / SIDE, 2 * i + 1), height(i)]).collect();
+        let share = |(points, tree, nearest): (Points, SearchTree, NearestNeighbors)| {
+            let frames = frames(&points, &nearest, 2, &Progress::new()).unwrap();
+            let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules: Rules::default() };
+            let stars = Stars::find(&points, &tree, &nearest, &frames, true, &Progress::new()).unwrap();
+            let layered = layered(&stars, |i, q| survey.steepness(&frames, i, q));
+            inner(&points).filter(|&i| layered[i]).count() as f64 / inner(&points).count() as f64
+        };
+        let (noise, layers) = (share(searchable(&noisy)), share(plates(1.0)));
+        assert!(noise < 0.1 && layers > 0.8, "{noise} {layers}");
     }
 }

@@ -2,10 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use rayon::prelude::*;
-
 use super::frames::Frames;
-use super::layers::{REACHED, leads_across};
+use super::layers::{REACHED, layered, leads_across, steepness};
 use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::orientation::Orientation;
 use super::points::{GeometryError, Points};
@@ -124,9 +122,14 @@ impl Survey<'_> {
                 let (none, any) = (|_: usize, _: u32| false, |_: usize, _: &[Spoke]| true);
                 stars = stars.found_again(points, tree, nearest, &frames, &none, &turned, any, progress)?;
             }
-            if rules.part_layers {
-                stars = self.on_one_layer(&stars, &frames, progress)?;
-            }
+        }
+        let layered = if sheet_aware && rules.part_layers {
+            layered(&stars, |i, q| self.steepness(&frames, i, q))
+        } else {
+            vec![false; stars.len()]
+        };
+        if layered.contains(&true) {
+            stars = self.on_one_layer(&stars, &frames, &layered, progress)?;
         }
         // sides are told by the triangles; what a point sees is better left to the plane that found them
         let mut sides = frames.clone();
@@ -134,7 +137,7 @@ impl Survey<'_> {
         let orientation = Orientation::find(&sides, points.len(), &stars.links());
         progress.checkpoint()?;
         if sheet_aware && rules.part_sheets && orientation.conflicts < CONFLICTS_MAX {
-            stars = self.parted(&stars, &frames, &orientation, &sides, progress)?;
+            stars = self.parted(&stars, &frames, (&orientation, &sides), &layered, progress)?;
         }
         let whole = stars.area(points);
         let stars = stars.with_open_gaps(points, nearest, rules.verify_gaps);
@@ -143,13 +146,13 @@ impl Survey<'_> {
         Ok(Surveyed { frames, stars, orientation, opened, stretch })
     }
 
-    fn leads_across(&self, frames: &Frames, i: usize, q: u32) -> bool {
+    fn steepness(&self, frames: &Frames, i: usize, q: u32) -> f64 {
         let Self { points, nearest, .. } = *self;
         let reach = |i: usize| {
             let around = nearest.of(i);
             points.squared_distance(i, around[REACHED.min(around.len()) - 1] as usize)
         };
-        leads_across(points, frames, reach, i, q as usize)
+        steepness(points, frames, reach, i, q as usize)
     }
 
     /// The stars without neighbors on another layer, where the others still surround the point.
@@ -157,19 +160,15 @@ impl Survey<'_> {
         &self,
         stars: &Stars,
         frames: &Frames,
+        layered: &[bool],
         progress: &Progress,
     ) -> Result<Stars, GeometryError> {
         let Self { points, tree, nearest, .. } = *self;
-        let across = |i: usize, q: u32| self.leads_across(frames, i, q);
-        let layered: Vec<bool> = (0..stars.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .map(|i| stars.of(i).iter().any(|spoke| across(i, spoke.neighbor)))
-            .collect();
+        let across = |i: usize, q: u32| leads_across(self.steepness(frames, i, q));
         let surrounds = |i: usize, star: &[Spoke]| {
             widest_gap(points, frames, i, star) <= widest_gap(points, frames, i, stars.of(i))
         };
-        stars.found_again(points, tree, nearest, frames, &across, &layered, surrounds, progress)
+        stars.found_again(points, tree, nearest, frames, &across, layered, surrounds, progress)
     }
 
     /// The stars without neighbors that face the other way, where the others still surround the point.
@@ -177,8 +176,8 @@ impl Survey<'_> {
         &self,
         stars: &Stars,
         frames: &Frames,
-        orientation: &Orientation,
-        planes: &Frames,
+        (orientation, planes): (&Orientation, &Frames),
+        layered: &[bool],
         progress: &Progress,
     ) -> Result<Stars, GeometryError> {
         let Self { points, tree, nearest, .. } = *self;
@@ -189,9 +188,8 @@ impl Survey<'_> {
             let allowed = GAP_ANGLE_MAX.max(widest_gap(points, frames, i, stars.of(i)));
             widest_gap(points, frames, i, star) <= allowed
         };
-        let leaves_out = |i: usize, q: u32| {
-            faces_away(i, q) || (self.rules.part_layers && self.leads_across(frames, i, q))
-        };
+        let leaves_out =
+            |i: usize, q: u32| faces_away(i, q) || (layered[i] && leads_across(self.steepness(frames, i, q)));
         stars.found_again(points, tree, nearest, frames, &leaves_out, &mixed, surrounds, progress)
     }
 }

@@ -49,7 +49,7 @@ fn noise_on_one_side_of_a_sphere_goes_and_the_sphere_stays_a_sphere() {
     let right = (radius_error(&before, |i| !is_left(i)), radius_error(&filtered, |i| !is_left(i)));
     let _ = writeln!(std::io::stderr(), "radius error, noisy side {left:?}, clean side {right:?}");
     // what is left is the same on both sides: a sphere
-    assert!(left.0 > 0.019 && left.1 < 0.25 * left.0, "{left:?}");
+    assert!(left.0 > 0.019 && left.1 < 0.2 * left.0, "{left:?}");
     assert!((right.1 / left.1 - 1.0).abs() < 0.25, "{left:?} {right:?}");
 }
 
