@@ -146,7 +146,7 @@ impl Survey<'_> {
         Ok(Surveyed { frames, stars, orientation, opened, stretch })
     }
 
-    fn steepness(&self, frames: &Frames, i: usize, q: u32) -> f64 {
+    pub(super) fn steepness(&self, frames: &Frames, i: usize, q: u32) -> f64 {
         let Self { points, nearest, .. } = *self;
         let reach = |i: usize| {
             let around = nearest.of(i);
