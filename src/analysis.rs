@@ -31,7 +31,7 @@ use crate::cloud::PointCloud;
 use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::{Rules, Survey};
-use crate::geometry::{Frames, Points, Sampling, cells, components, frames};
+use crate::geometry::{Components, Frames, Points, Sampling, cells, components, frames};
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::{Eigenbasis, Problem, Request, Spectrum, Weyl, certificates, solve};
@@ -129,10 +129,11 @@ pub fn analyze_by(
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
     drop((tree, nearest, surveyed, triangles));
     progress.checkpoint()?;
-    let (Assembled { laplacian, narrow }, place) =
+    let (operator, place) =
         without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
+    let Connected { laplacian, components, .. } = &operator;
     let used = laplacian.mass.len();
     check_cells(parameters, &sampling, used)?;
     let mut report = Report {
@@ -145,7 +146,7 @@ pub fn analyze_by(
         duplicates: points.duplicates(),
         nonfinite: cloud.nonfinite(),
         isolated: points.len() - used + strays.len(),
-        components: components(used, |i| laplacian.stiffness.neighbors(i)).size.len(),
+        components: components.size.len(),
         sampling,
         heat_kernel: laplacian.heat_kernel,
         additions,
@@ -160,13 +161,12 @@ pub fn analyze_by(
 
     let mass = laplacian.mass.clone();
     let (stiffness, eigenbasis) = match kind {
-        JobKind::Operator => (Some(laplacian.stiffness), None),
+        JobKind::Operator => (Some(operator.laplacian.stiffness), None),
         JobKind::Eigen => {
             progress.checkpoint()?;
             let active: Vec<u32> =
                 (0..points.len() as u32).filter(|&i| place[i as usize] != NO_PLACE).collect();
-            let eigenbasis =
-                eigenpairs(&points, &active, laplacian, narrow, parameters, &mut report, progress)?;
+            let eigenbasis = eigenpairs(&points, &active, operator, parameters, &mut report, progress)?;
             (None, Some(eigenbasis))
         }
     };
@@ -177,16 +177,16 @@ pub fn analyze_by(
 fn eigenpairs(
     points: &Points,
     active: &[u32],
-    laplacian: LaplaceBeltrami,
-    narrow: Option<Sparse>,
+    operator: Connected,
     parameters: &Parameters,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<Eigenbasis, AnalysisError> {
     let count = Bases::of(parameters, report.points_used + report.isolated, active.len());
     report.warnings.extend(count.warning());
+    let Connected { laplacian, narrow, components } = operator;
     let (heat_kernel, plateau, structure) = (laplacian.heat_kernel, laplacian.plateau, laplacian.structure);
-    let problem = Problem::new(laplacian, first_eigenvalue(report, plateau));
+    let problem = Problem::with_components(laplacian, components, first_eigenvalue(report, plateau));
     let narrow = narrow.map(|mut matrix| {
         let inverse: Vec<f64> = problem.root_mass.iter().map(|m| 1.0 / m).collect();
         matrix.scale_both_sides(&inverse);
@@ -274,18 +274,25 @@ fn warnings_of_dimension(frames: &Frames) -> Vec<String> {
     warnings
 }
 
+/// An operator on the points that carry results.
+struct Connected {
+    laplacian: LaplaceBeltrami,
+    narrow: Option<Sparse>,
+    components: Components,
+}
+
 /// Leaves out components of fewer than [`COMPONENT_MIN`] points, in the operator and its narrow companion; also
 /// returns every point's place. A refusal tells the warnings too, which no report will.
 fn without_small_components(
     assembled: Assembled,
     looks_thinner: bool,
     warnings: &[String],
-) -> Result<(Assembled, Vec<u32>), AnalysisError> {
+) -> Result<(Connected, Vec<u32>), AnalysisError> {
     let Assembled { laplacian, narrow } = assembled;
     let n = laplacian.mass.len();
     let found = components(n, |i| laplacian.stiffness.neighbors(i));
     if found.size.iter().all(|&size| size >= COMPONENT_MIN) {
-        return Ok((Assembled { laplacian, narrow }, (0..n as u32).collect()));
+        return Ok((Connected { laplacian, narrow, components: found }, (0..n as u32).collect()));
     }
     let keep: Vec<u32> =
         (0..n as u32).filter(|&i| found.size[found.label[i as usize] as usize] >= COMPONENT_MIN).collect();
@@ -307,5 +314,7 @@ fn without_small_components(
     // the companion's walls may lead out of a kept component: such a row sums to more than zero, which leaves it
     // positive definite, and it only preconditions
     let narrow = narrow.map(|matrix| matrix.restricted_to(&keep));
-    Ok((Assembled { laplacian: laplacian.restricted_to(&keep), narrow }, place))
+    let laplacian = laplacian.restricted_to(&keep);
+    let components = components(keep.len(), |i| laplacian.stiffness.neighbors(i));
+    Ok((Connected { laplacian, narrow, components }, place))
 }

@@ -56,6 +56,9 @@ pub const DELTA_FACTOR_PAPER: f64 = 5.0;
 /// Rounds in which the moments are calibrated; eight change the eigenvalues by less than 0.1 %.
 const ROUNDS: usize = 4;
 
+/// Entries of the matrix that one task works on, at the least.
+const ENTRIES_PER_TASK: usize = 1 << 14;
+
 /// Most that one round changes a moment by.
 const CHANGE_MAX: f64 = 10.0;
 
@@ -99,16 +102,25 @@ pub fn build(
     };
     let areas = &cells.volume;
     let mut weights = areas.clone();
+    let (factor, exponent) = (kernel.factor(), -0.25 / kernel.t);
+    // exponentials are dear: they are taken once
+    let gaussian: Vec<f64> = stiffness
+        .values()
+        .par_iter()
+        .with_min_len(ENTRIES_PER_TASK)
+        .map(|squared| (exponent * squared).exp())
+        .collect();
     if calibrate {
-        let scale = calibration(&stiffness, areas, kernel, progress)?;
+        let scale = calibration(&stiffness, &gaussian, areas, kernel, progress)?;
         weights.iter_mut().zip(scale).for_each(|(weight, scale)| *weight *= scale);
     }
-    let (factor, exponent) = (kernel.factor(), -0.25 / kernel.t);
+    let offsets = stiffness.offsets().to_vec();
     stiffness.rewrite(|i, columns, values| {
         let mut sum = 0.0;
-        for (&j, value) in columns.iter().zip(values.iter_mut()) {
+        let gaussian = &gaussian[offsets[i]..offsets[i + 1]];
+        for ((&j, value), gaussian) in columns.iter().zip(values.iter_mut()).zip(gaussian) {
             if j as usize != i {
-                let weight = weights[i] * weights[j as usize] * factor * (exponent * *value).exp();
+                let weight = weights[i] * weights[j as usize] * factor * gaussian;
                 sum += weight;
                 *value = -weight;
             }
@@ -148,17 +160,19 @@ fn in_ball(
 
 /// Positive numbers s with which `s_i s_j q_ij` has the second moment of the heat kernel around every point:
 /// `Σ_j s_i s_j q_ij d_ij² = 2k·a_i`, the diagonal of the carré du champ of the coordinates (k the intrinsic dimension).
+/// `gaussian` are the entries of `exp(−d²/4t)`.
 ///
 /// Ours. A lattice that is coarse for the Gaussian, uneven sampling, and rims, beyond which there are no points, each
 /// give the sum another value; scaling both sides restores it and keeps symmetry, signs and zero row sums. Every round
 /// multiplies by the root of what is missing, like Sinkhorn's iteration for symmetric matrices.
 fn calibration(
     squared_distances: &Sparse,
+    gaussian: &[f64],
     areas: &[f64],
     kernel: HeatKernel,
     progress: &Progress,
 ) -> Result<Vec<f64>, Canceled> {
-    let (factor, exponent) = (kernel.factor(), -0.25 / kernel.t);
+    let (factor, offsets) = (kernel.factor(), squared_distances.offsets());
     let target = 2.0 * kernel.dimension as f64;
     let mut scale = vec![1.0; areas.len()];
     for round in 0..ROUNDS {
@@ -168,9 +182,8 @@ fn calibration(
             let moment: f64 = columns
                 .iter()
                 .zip(squared)
-                .map(|(&j, &squared)| {
-                    areas[j as usize] * scale[j as usize] * (exponent * squared).exp() * squared
-                })
+                .zip(&gaussian[offsets[i]..offsets[i + 1]])
+                .map(|((&j, &squared), gaussian)| areas[j as usize] * scale[j as usize] * gaussian * squared)
                 .sum();
             let missing = target / (scale[i] * factor * moment);
             // nothing is known of a point without neighbors
@@ -214,7 +227,8 @@ mod tests {
             |_| Ok::<(), Canceled>(()),
         )
         .unwrap();
-        let scale = calibration(&near, &areas, kernel, &Progress::new()).unwrap();
+        let gaussian: Vec<f64> = near.values().iter().map(|squared| (-0.5 * squared).exp()).collect();
+        let scale = calibration(&near, &gaussian, &areas, kernel, &Progress::new()).unwrap();
         let moment = |scale: &[f64], i: usize| {
             let (columns, squared) = near.row(i);
             let sum: f64 = columns

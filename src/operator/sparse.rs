@@ -139,12 +139,12 @@ impl Sparse {
 
     /// `D A D` for the diagonal matrix `D`, in place.
     pub fn scale_both_sides(&mut self, diagonal: &[f64]) {
-        for i in 0..self.rows() {
-            for k in self.offsets[i]..self.offsets[i + 1] {
+        self.rewrite(|i, columns, values| {
+            for (&j, value) in columns.iter().zip(values) {
                 // in this order (i, j) and (j, i) round alike
-                self.values[k] *= diagonal[i] * diagonal[self.columns[k] as usize];
+                *value *= diagonal[i] * diagonal[j as usize];
             }
-        }
+        });
     }
 
     /// `D A` for the diagonal matrix `D`, in place.

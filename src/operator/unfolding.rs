@@ -96,14 +96,17 @@ impl<'a> Atlas<'a> {
 
 /// For every row the columns in which it occurs without containing them itself.
 fn unseen(seen: &Sparse) -> Vec<Vec<(u32, f64)>> {
-    let mut unseen = vec![Vec::new(); seen.rows()];
-    for i in 0..seen.rows() {
+    let one_sided = |i: usize| {
         let (columns, distances) = seen.row(i);
-        for (&j, &distance) in columns.iter().zip(distances) {
-            if seen.row(j as usize).0.binary_search(&(i as u32)).is_err() {
-                unseen[j as usize].push((i as u32, distance));
-            }
-        }
+        let is_seen_back = move |j: u32| seen.row(j as usize).0.binary_search(&(i as u32)).is_ok();
+        let entries = columns.iter().zip(distances).filter(move |(j, _)| !is_seen_back(**j));
+        entries.map(move |(&j, &distance)| (j, i as u32, distance))
+    };
+    let few: Vec<(u32, u32, f64)> =
+        (0..seen.rows()).into_par_iter().with_min_len(512).flat_map_iter(one_sided).collect();
+    let mut unseen = vec![Vec::new(); seen.rows()];
+    for (j, i, distance) in few {
+        unseen[j as usize].push((i, distance));
     }
     unseen
 }

@@ -11,7 +11,7 @@ use super::{Eigenpairs, Problem, SpectrumError, dense, invariant};
 use crate::progress::{Phase, Progress};
 
 /// Eigenpairs of an operator that is not symmetric, or symmetric but not definite.
-pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64]>(
+pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     problem: &Problem,
     request: &Request<'_, P>,
     progress: &Progress,
@@ -38,7 +38,7 @@ pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64]>(
     Ok(solution)
 }
 
-fn iteration<'a, P: Fn(u32) -> &'a [f64]>(
+fn iteration<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     problem: &Problem,
     request: &Request<'_, P>,
     progress: &Progress,

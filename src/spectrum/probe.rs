@@ -52,6 +52,7 @@ impl Probe {
         start::fill(&mut vectors, 1 << 20);
         let mut values = Vec::new();
         let mut product = Block::zeros(problem.size(), VECTORS);
+        let nothing = Block::<f64>::zeros(problem.size(), 0);
         for step in 0..STEPS[1] {
             progress.advance(step as f64 / STEPS[1] as f64)?;
             match towards {
@@ -65,7 +66,11 @@ impl Probe {
                 }
             }
             problem.project_out_null(&mut vectors);
-            orthonormalize(&mut vectors, found, progress)?;
+            // once: rounding leaves as little of what was found as a probe takes no notice of
+            let along = gram(found, &vectors);
+            progress.checkpoint()?;
+            add_product(&mut vectors, -1.0, found, along.as_ref());
+            orthonormalize(&mut vectors, &nothing, progress)?;
             sparse_product(&mut product, &problem.matrix, &vectors);
             let (next, _) = eigen(gram(&vectors, &product).as_ref())?;
             let before: Vec<f64> = std::mem::replace(&mut values, next);

@@ -34,8 +34,15 @@ impl Problem {
     /// Scales the stiffness of an operator whose first non-zero eigenvalues are of the size of `first_eigenvalue`.
     #[must_use]
     pub fn new(laplacian: LaplaceBeltrami, first_eigenvalue: f64) -> Self {
+        let stiffness = &laplacian.stiffness;
+        let found = components(stiffness.rows(), |i| stiffness.neighbors(i));
+        Self::with_components(laplacian, found, first_eigenvalue)
+    }
+
+    /// The same where the components are known.
+    #[must_use]
+    pub fn with_components(laplacian: LaplaceBeltrami, found: Components, first_eigenvalue: f64) -> Self {
         let LaplaceBeltrami { stiffness: mut matrix, mass, structure, harmonic, .. } = laplacian;
-        let found = components(matrix.rows(), |i| matrix.neighbors(i));
         let root_mass: Vec<f64> = mass.iter().map(|m| m.sqrt()).collect();
         let inverse: Vec<f64> = root_mass.iter().map(|m| 1.0 / m).collect();
         matrix.scale_both_sides(&inverse);

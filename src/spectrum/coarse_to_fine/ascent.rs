@@ -13,9 +13,10 @@ use crate::spectrum::ritz::rayleigh_ritz_beside;
 use crate::spectrum::vectors::block::Block;
 use crate::spectrum::{Eigenpairs, Problem, SpectrumError};
 
-/// Upper end of the spectrum of the preconditioned matrix, with its own factor and with that of a narrower one.
-const UPPER_END: f64 = 1.0;
-const UPPER_END_SMOOTHED: f64 = 1.1;
+/// What is added to the estimate of the preconditioned matrix's largest eigenvalue, and the largest with which corrections
+/// are worth their time.
+const MARGIN: f64 = 0.05;
+const UPPER_END_MAX: f64 = 2.5;
 
 /// A residual after the first Rayleigh–Ritz step that shows that the surface is another one on the coarser level.
 const DISAPPOINTING: f64 = 1e-2;
@@ -59,9 +60,20 @@ pub(super) struct Ascent<'a> {
 }
 
 impl<'a> Ascent<'a> {
-    pub(super) fn new(problem: &'a Problem, factor: &'a Cholesky<'a>, smoothed: bool, wanted: usize) -> Self {
-        let upper_end = if smoothed { UPPER_END_SMOOTHED } else { UPPER_END };
-        Self { problem, correction: Correction::new(problem, factor, smoothed), upper_end, wanted }
+    /// By the factor of the level's own matrix or, `smoothed`, of a narrower one; none where that is too far from it.
+    pub(super) fn new(
+        problem: &'a Problem,
+        factor: &'a Cholesky<'a>,
+        smoothed: bool,
+        wanted: usize,
+        progress: &Progress,
+    ) -> Result<Option<Self>, SpectrumError> {
+        let mut correction = Correction::new(problem, factor, smoothed);
+        let mut upper_end = correction.upper_end(progress)?;
+        if smoothed {
+            upper_end = (1.0 + MARGIN) * upper_end.max(1.0);
+        }
+        Ok((upper_end <= UPPER_END_MAX).then_some(Self { problem, correction, upper_end, wanted }))
     }
 
     /// Columns that are corrected in double precision: whole groups with wanted ones.

@@ -8,15 +8,20 @@ use super::weights::Weights;
 use crate::progress::{Canceled, Progress};
 use crate::spectrum::Problem;
 use crate::spectrum::factor::Cholesky;
-use crate::spectrum::vectors::block::{Block, Columns};
+use crate::spectrum::vectors::block::{Block, Columns, column_norms};
 use crate::spectrum::vectors::pair::rounded_residual;
 use crate::spectrum::vectors::sparse_product::{Finish, Rows, finished_product};
+use crate::spectrum::vectors::start;
 
 /// Vectors that are corrected together: as many as one reading of the factor serves.
 pub(super) const GROUP: usize = 64;
 
 /// Sweeps of Jacobi's iteration after a solution with the factor of a narrower operator; one comes before.
 const SWEEPS: usize = 2;
+
+/// Hashed vectors, and products with them, that the largest eigenvalue is estimated from.
+const PROBED: usize = 16;
+const PROBES: usize = 5;
 
 /// An approximate inverse of the matrix of a problem, and what it works with.
 pub(super) struct Correction<'a> {
@@ -59,6 +64,32 @@ impl<'a> Correction<'a> {
     /// σ of the factor.
     pub(super) fn shift(&self) -> f64 {
         self.factor.shift()
+    }
+
+    /// Largest eigenvalue of `M A`, nearly: 1 where the factor is the matrix's own.
+    pub(super) fn upper_end(&mut self, progress: &Progress) -> Result<f64, Canceled> {
+        if self.inverse_diagonal.is_empty() {
+            return Ok(1.0);
+        }
+        let mut hashed = Block::zeros(self.problem.size(), PROBED);
+        start::fill(&mut hashed, 1 << 24);
+        let mut x = Block::<f32>::zeros(self.problem.size(), PROBED);
+        x.copy_columns(0, &hashed, 0, PROBED);
+        let mut growth = 0.0;
+        for _ in 0..PROBES {
+            let rows = Self::rows(self.problem, &self.values);
+            finished_product(&mut self.residual, rows, x.columns_from(0, PROBED), Finish::Product);
+            progress.checkpoint()?;
+            let image = self.solved(progress)?;
+            hashed.copy_columns(0, image, 0, PROBED);
+            let norms = column_norms(&hashed);
+            growth = norms.iter().copied().fold(0.0, f64::max);
+            x.for_each_row(|i, row| {
+                let image = hashed.row(i).iter().zip(&norms);
+                row.iter_mut().zip(image).for_each(|(x, (image, norm))| *x = (image / norm) as f32);
+            });
+        }
+        Ok(growth)
     }
 
     /// Vectors of a coarser level at the points of this one, `(μ + σ) (A + σI)⁻¹ W x`: the inverse takes away what is rough

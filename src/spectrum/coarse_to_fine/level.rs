@@ -85,7 +85,8 @@ pub(super) fn coarser<'a>(
         &planes,
         &coarse.matrix,
         |i, c| problem.root_mass[i] / coarse.root_mass[c],
-    );
+        progress,
+    )?;
     // of every component here the first part there is the one that is not counted
     let part_of = |r: usize| coarse.components.label[place[r] as usize] as usize;
     let mut begun = vec![false; components.size.len()];

@@ -113,6 +113,18 @@ fn uneven_samples_are_solved_too() {
 }
 
 #[test]
+fn parts_with_rims_that_nearly_touch_are_solved_together() {
+    let cap = |p: &[f64]| p[2] > -0.3;
+    let sphere = sampled(Shape::Sphere, 9_000, Sampling::Uniform);
+    let open = sphere.chunks_exact(3).filter(|p| cap(p)).flatten().copied();
+    let small = sampled(Shape::Sphere, 2_500, Sampling::Uniform);
+    let beside = small.chunks_exact(3).flat_map(|p| [0.5 * p[0] + 1.7, 0.5 * p[1], 0.5 * p[2]]);
+    let surface = Surface::of(open.chain(beside).collect(), false);
+    assert_eq!(surface.problem.zero_modes(), 2);
+    surface.check(20, true);
+}
+
+#[test]
 fn bits_do_not_depend_on_the_number_of_threads_and_a_cancellation_ends_it() {
     let surface = Surface::of(sampled(Shape::BumpySphere, 8_000, Sampling::Uniform), false);
     let on = |threads| {

@@ -4,6 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 use rayon::prelude::*;
 
 use crate::operator::Sparse;
+use crate::progress::{Canceled, Progress};
 use crate::spectrum::vectors::sparse_product::Rows;
 
 /// Coarse points that a function is fitted to at most: two rings.
@@ -35,6 +36,10 @@ impl Weights {
 
     /// Weights of the coarse points at fine ones; fine point `i` is at `fine(i)` near the coarse point `owner(i)`.
     /// `graph` couples the coarse points, `planes` are their tangent planes, and `scale(i, c)` multiplies their weights.
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    #[allow(clippy::too_many_arguments)] // two samples and what relates them
     pub(super) fn fit<'a>(
         points: usize,
         fine: impl Fn(usize) -> &'a [f64] + Sync,
@@ -43,7 +48,8 @@ impl Weights {
         planes: &[[[f64; 3]; 2]],
         graph: &Sparse,
         scale: impl Fn(usize, usize) -> f64 + Sync,
-    ) -> Self {
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
         let near: Vec<Vec<u32>> = (0..coarse.len())
             .into_par_iter()
             .with_min_len(256)
@@ -52,7 +58,8 @@ impl Weights {
         let task = |first: usize| {
             let (mut lengths, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
             let mut fitted = Vec::with_capacity(CANDIDATES);
-            for i in first..points.min(first + POINTS_PER_TASK) {
+            let end = if progress.is_canceled() { first } else { points.min(first + POINTS_PER_TASK) };
+            for i in first..end {
                 let c = owner(i);
                 weigh(fine(i), &near[c], coarse, &planes[c], &mut fitted);
                 columns.extend(fitted.iter().map(|&(c, _)| c));
@@ -63,6 +70,7 @@ impl Weights {
         };
         let tasks: Vec<usize> = (0..points).step_by(POINTS_PER_TASK).collect();
         let tasks: Vec<(Vec<usize>, Vec<u32>, Vec<f32>)> = tasks.into_par_iter().map(task).collect();
+        progress.checkpoint()?;
         let mut all = Self { offsets: vec![0], columns: Vec::new(), values: Vec::new() };
         let mut end = 0;
         for (lengths, columns, values) in tasks {
@@ -73,7 +81,7 @@ impl Weights {
             all.columns.extend(columns);
             all.values.extend(values);
         }
-        all
+        Ok(all)
     }
 }
 
@@ -151,7 +159,7 @@ fn weigh(p: &[f64], near: &[u32], points: &[[f64; 3]], plane: &[[f64; 3]; 2], fi
         let sound = (sum - 1.0).abs() < DEFECT_MAX && fitted.iter().all(|(_, w)| w.abs() < WEIGHT_MAX);
         if sound {
             fitted.retain(|&(_, weight)| weight != 0.0);
-            for (_, weight) in &mut *fitted {
+            for (_, weight) in fitted.iter_mut() {
                 *weight /= sum;
             }
             return;

@@ -1,6 +1,7 @@
 //! Geometric nested dissection: a fill-reducing elimination order from the points' positions.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::operator::Sparse;
 
@@ -33,70 +34,61 @@ impl From<Vec<u32>> for Elimination {
 /// row in the factor at 600,000 points.
 ///
 /// `position(i)` are the coordinates of row `i` of `matrix`.
-pub fn nested_dissection<'a>(matrix: &Sparse, position: impl Fn(u32) -> &'a [f64]) -> Elimination {
+pub fn nested_dissection<'a>(matrix: &Sparse, position: impl Fn(u32) -> &'a [f64] + Sync) -> Elimination {
     let n = matrix.rows();
-    let mut order = Vec::with_capacity(n);
-    let mut parts = Vec::new();
-    // 0: in neither half; otherwise the number of the split that put it to the right
-    let mut right_of = vec![0_u32; n];
-    let mut splits = 0;
-    // parts still to order, and separators waiting for both of their halves
+    // the number of the split that put a point to the right last; 0 before the first
+    let right_of: Vec<AtomicU32> = (0..n).map(|_| AtomicU32::new(0)).collect();
+    let dissection = Dissection { matrix, position: &position, right_of: &right_of };
     let apart = (n >= 2 * PART_MIN).then_some(SPLITS);
-    let mut stack = vec![Pending::Part((0..n as u32).collect(), apart)];
-    while let Some(pending) = stack.pop() {
-        let splits_left;
-        let mut part = match pending {
-            Pending::Separator(points) => {
-                order.extend(points);
-                continue;
-            }
-            Pending::Part(points, apart) => {
-                if apart.is_some_and(|left| left == 0 || points.len() < 2 * PART_MIN) {
-                    parts.push(order.len()..order.len() + points.len());
-                    splits_left = None;
-                } else {
-                    splits_left = apart.map(|left| left - 1);
-                }
-                points
-            }
-        };
+    dissection.of((0..n as u32).collect(), 1, apart)
+}
+
+/// Splits halves side by side. Each looks at the other's marks, of which none is the number of its own split.
+struct Dissection<'d, P> {
+    matrix: &'d Sparse,
+    position: &'d P,
+    right_of: &'d [AtomicU32],
+}
+
+impl<'a, P: Fn(u32) -> &'a [f64] + Sync> Dissection<'_, P> {
+    /// The order of some points, of which the split is number `split`, and after how many splits their parts are told; none
+    /// within such a part.
+    fn of(&self, mut part: Vec<u32>, split: u32, apart: Option<u32>) -> Elimination {
+        let is_part = apart.is_some_and(|left| left == 0 || part.len() < 2 * PART_MIN);
+        let parts: Vec<Range<usize>> = is_part.then_some(0..part.len()).into_iter().collect();
+        let apart = apart.filter(|_| !is_part).map(|left| left - 1);
         if part.len() <= LEAF {
-            order.extend(part);
-            continue;
+            return Elimination { order: part, parts };
         }
-        splits += 1;
-        let axis = longest_axis(&part, &position);
+        let axis = longest_axis(&part, self.position);
         let middle = part.len() / 2;
         part.select_nth_unstable_by(middle, |&i, &j| {
-            position(i)[axis].total_cmp(&position(j)[axis]).then(i.cmp(&j))
+            (self.position)(i)[axis].total_cmp(&(self.position)(j)[axis]).then(i.cmp(&j))
         });
         let mut right = part.split_off(middle);
         for &i in &right {
-            right_of[i as usize] = splits;
+            self.right_of[i as usize].store(split, Ordering::Relaxed);
         }
-        let (separator, mut left): (Vec<u32>, Vec<u32>) = part
-            .into_iter()
-            .partition(|&i| matrix.neighbors(i as usize).any(|j| right_of[j as usize] == splits));
+        let is_right = |j: u32| self.right_of[j as usize].load(Ordering::Relaxed) == split;
+        let (separator, mut left): (Vec<u32>, Vec<u32>) =
+            part.into_iter().partition(|&i| self.matrix.neighbors(i as usize).any(is_right));
         if left.is_empty() {
             // everything touches: a clique; any order fills alike
-            order.extend(right);
-            order.extend(separator);
-            continue;
+            right.extend(separator);
+            return Elimination { order: right, parts };
         }
         // selection scrambles; ascending indices keep neighbors together
         left.sort_unstable();
         right.sort_unstable();
-        stack.push(Pending::Separator(separator));
-        stack.push(Pending::Part(left, splits_left));
-        stack.push(Pending::Part(right, splits_left));
+        let sides = (|| self.of(right, 2 * split, apart), || self.of(left, 2 * split + 1, apart));
+        let (mut all, left) =
+            if middle < PART_MIN { (sides.0(), sides.1()) } else { rayon::join(sides.0, sides.1) };
+        let offset = all.order.len();
+        all.order.extend(left.order);
+        all.order.extend(separator);
+        all.parts.extend(left.parts.into_iter().map(|part| part.start + offset..part.end + offset));
+        if is_part { Elimination { order: all.order, parts } } else { all }
     }
-    Elimination { order, parts }
-}
-
-enum Pending {
-    /// Points, and after how many splits their parts are told; none within such a part.
-    Part(Vec<u32>, Option<u32>),
-    Separator(Vec<u32>),
 }
 
 fn longest_axis<'a>(part: &[u32], position: &impl Fn(u32) -> &'a [f64]) -> usize {

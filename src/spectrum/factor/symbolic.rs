@@ -30,7 +30,7 @@ impl Symbolic {
     /// As [`Self::analyze`].
     pub fn by_position<'a>(
         matrix: &Sparse,
-        position: impl Fn(u32) -> &'a [f64],
+        position: impl Fn(u32) -> &'a [f64] + Sync,
         progress: &Progress,
     ) -> Result<Self, FactorError> {
         let elimination = nested_dissection(matrix, position);
