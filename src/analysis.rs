@@ -17,6 +17,7 @@ pub use admission::{admit, admit_lowered};
 pub use error::AnalysisError;
 pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;
+use memory::memory_beside_factor;
 pub use memory::memory_estimate;
 pub use parameters::{Additions, JobKind, Parameters, Task};
 pub use report::Report;
@@ -205,6 +206,9 @@ fn eigenpairs(
         plateau,
         saturates: heat_kernel.is_some(),
     };
+    let stored = problem.matrix.nonzeros() + narrow.as_ref().map_or(0, Sparse::nonzeros);
+    let (n, dimension) = (problem.size() as u64, points.dimension());
+    progress.hold(memory_beside_factor(n, dimension, stored as u64, parameters));
     let solution = solve(&problem, &request, progress)?;
     progress.checkpoint()?;
     if solution.certificates.residual > parameters.tolerance {

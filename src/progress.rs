@@ -82,6 +82,8 @@ pub struct Progress {
     canceled: AtomicBool,
     /// Bytes that were asked for and refused; 0 when none were.
     denied: AtomicU64,
+    /// Bytes in use that need not be asked for again.
+    held: AtomicU64,
     observer: Option<Observer>,
     grant: Option<Grant>,
 }
@@ -94,6 +96,7 @@ impl Default for Progress {
             fraction: AtomicU64::default(),
             canceled: AtomicBool::default(),
             denied: AtomicU64::default(),
+            held: AtomicU64::default(),
             observer: None,
             grant: None,
         }
@@ -131,6 +134,19 @@ impl Progress {
             self.cancel();
         }
         self.checkpoint()
+    }
+
+    /// Tells that about so many bytes are in use, to which [`Self::afford_beside`] adds.
+    pub fn hold(&self, bytes: u64) {
+        self.held.store(bytes, Ordering::Relaxed);
+    }
+
+    /// As [`Self::afford`], of bytes beside those that are in use.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn afford_beside(&self, bytes: u64) -> Result<(), Canceled> {
+        self.afford(bytes.saturating_add(self.held.load(Ordering::Relaxed)))
     }
 
     /// The bytes that the computation was refused, if that is why it ended.

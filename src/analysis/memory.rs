@@ -22,15 +22,19 @@ const FACTORED_POINTS: [u64; 2] = [900_000, 450_000];
 const FACTOR_BYTES: u64 = 24;
 /// Least tolerance for which surfaces are factored in single precision; below, a factor in double is made beside it.
 const SINGLE_TOLERANCE: f64 = 1e-6;
-/// Bytes of a coupled pair of points while a matrix is assembled of them: the pair with its distance, and the matrix with
-/// its transpose.
-const ENTRY_BYTES: u64 = 28;
+/// Bytes of a coupled pair of points while a matrix is assembled of them: the pair with its distance and Gaussian, and the
+/// matrix with its transpose.
+const ENTRY_BYTES: u64 = 40;
+/// Bytes of an entry of the matrix beside its factor: the matrix, and its values in single precision.
+const STORED_BYTES: u64 = 16;
+/// Bytes of any job: stacks and arenas of its threads, the cloud on its way from the database.
+const JOB_BYTES: u64 = 20_000_000;
 /// Three square matrices of doubles.
 const DENSE_BYTES: u64 = 3 * 8;
 
 /// Peak bytes of an analysis of `points` rows with `dimension` coordinates and `faces` triangles.
 ///
-/// At most 30 % above the peaks that were measured of whole processes for surfaces (the test below has them). It knows
+/// At most 35 % above the peaks that were measured of whole processes for surfaces (the test below has them). It knows
 /// nothing of the cloud's shape: where a matrix turns out to be larger, the analysis asks for the difference before it
 /// takes it ([`Progress::afford`](crate::progress::Progress::afford)).
 #[must_use]
@@ -69,7 +73,9 @@ pub fn memory_estimate(
     } else {
         0
     };
-    points.saturating_mul(per_point).saturating_add(faces.saturating_mul(24)).saturating_add(matrices)
+    let all =
+        points.saturating_mul(per_point).saturating_add(faces.saturating_mul(24)).saturating_add(matrices);
+    all.saturating_add(JOB_BYTES)
 }
 
 /// Vectors as long as the cloud that the solver holds: a Krylov space, in single precision where that is enough, or the
@@ -83,7 +89,8 @@ fn vectors(points: u64, parameters: &Parameters) -> usize {
     match (kernel, unfactored, sliced) {
         (true, false, false) if is_single => krylov_vectors_at_end(bases, true).div_ceil(2).max(2 * bases),
         (true, true, _) | (true, _, false) => krylov_vectors_at_end(bases, false),
-        _ => vectors_held(bases),
+        // the pairs, their products, and a part of them on its way to the store
+        _ => vectors_held(bases).max((5 * bases).div_ceil(2)),
     }
 }
 
@@ -94,8 +101,22 @@ pub(super) fn memory_with_entries(
     entries: u64,
     parameters: &Parameters,
 ) -> u64 {
+    with_matrix(points, dimension, entries.saturating_mul(ENTRY_BYTES), parameters)
+}
+
+/// The same once the matrices are stored, beside the factor, for which the solver asks when it knows its pattern.
+pub(super) fn memory_beside_factor(
+    points: u64,
+    dimension: usize,
+    stored: u64,
+    parameters: &Parameters,
+) -> u64 {
+    with_matrix(points, dimension, stored.saturating_mul(STORED_BYTES), parameters)
+}
+
+fn with_matrix(points: u64, dimension: usize, matrix: u64, parameters: &Parameters) -> u64 {
     let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + 8 * vectors(points, parameters) as u64;
-    points.saturating_mul(per_point).saturating_add(entries.saturating_mul(ENTRY_BYTES))
+    points.saturating_mul(per_point).saturating_add(matrix).saturating_add(JOB_BYTES)
 }
 
 #[cfg(test)]
@@ -109,7 +130,7 @@ mod tests {
 
     /// Peak resident set sizes, in MB, of `chladni analyze` for bumpy spheres and Igea (134,345 points).
     #[test]
-    fn the_estimate_is_within_30_percent_of_what_was_measured() {
+    fn the_estimate_bounds_what_was_measured_and_is_near_it() {
         for (points, operator, bases, measured) in [
             (60_000, OperatorKind::Voronoi, 20, 143),
             (60_000, OperatorKind::Voronoi, 400, 486),
@@ -128,7 +149,7 @@ mod tests {
         ] {
             let estimate = megabytes(points, operator, bases);
             let ratio = estimate as f64 / f64::from(measured);
-            assert!((0.9..1.3).contains(&ratio), "{operator:?} {points}: {estimate} for {measured}");
+            assert!((1.0..1.35).contains(&ratio), "{operator:?} {points} {bases}: {estimate} for {measured}");
         }
     }
 
@@ -143,7 +164,7 @@ mod tests {
     #[test]
     fn more_of_anything_takes_more() {
         let base = megabytes(100_000, OperatorKind::Voronoi, 50);
-        assert!(megabytes(200_000, OperatorKind::Voronoi, 50) > 2 * base);
+        assert!(megabytes(200_000, OperatorKind::Voronoi, 50) > 19 * base / 10);
         assert!(megabytes(100_000, OperatorKind::Voronoi, 100) > base);
         let parameters = Parameters { operator: OperatorKind::Voronoi, bases: 50, ..Parameters::default() };
         let operator_alone = memory_estimate(100_000, 3, 0, JobKind::Operator, &parameters);

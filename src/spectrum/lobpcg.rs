@@ -15,6 +15,9 @@ use crate::progress::{Canceled, Progress};
 /// Iterations before giving up; measured cases need 5 to 25.
 const ITERATIONS_MAX: usize = 200;
 
+/// Vectors in memory for each that is iterated: X, P and W with their products, residuals, and what becomes a new one.
+const VECTORS_HELD: usize = 8;
+
 /// The share of t in the preconditioner. The inverse of `(1 − exp(−tλ))/t` is `1/λ + t/2 + …` where λ is small and t where
 /// it is large. Condition numbers with 0.5, 0.8 and 1: 1.77, 1.75 and 1.93 on a bumpy sphere of 90,000 points, 2.7, 2.0
 /// and 1.9 on an independent sample, 4.3, 4.8 and 5.2 on Igea.
@@ -68,6 +71,7 @@ pub fn solve(
     progress: &Progress,
     share: impl Fn(f64) -> f64,
 ) -> Result<Eigenpairs, SpectrumError> {
+    progress.afford_beside((VECTORS_HELD * start.columns() * problem.size() * size_of::<f64>()) as u64)?;
     let mut space = begin(problem, start, progress)?;
     let mut worst = f64::INFINITY;
     let mut first_worst = None;

@@ -5,6 +5,7 @@
 mod backup;
 mod cancel;
 mod crashes;
+mod estimate;
 mod files;
 mod load;
 mod logs;

@@ -108,6 +108,7 @@ impl Symbolic {
         shift: f64,
         progress: &Progress,
     ) -> Result<Option<Factor<T>>, FactorError> {
+        progress.afford_beside((self.factor_entries() * size_of::<T>()) as u64)?;
         let reordered = Reordered { matrix, shift, order: &self.order, place: &self.place };
         Ok(factorize(&self.nodes, reordered, progress)?)
     }
