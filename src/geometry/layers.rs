@@ -37,7 +37,12 @@ const ACROSS: f64 = PI / 3.0;
 
 /// Angle from which a link is not along the sheet. Between layers links are steep or flat; where points are noisy there is
 /// every slope between.
-const RISING: f64 = PI / 9.0;
+const RISING: f64 = 7.0 * PI / 36.0;
+
+/// Rings of neighbors that are asked: one is too few where points are noisy. With 20, 30 and 35° and two rings the kernels of
+/// a sphere of which one half is noisy get 2, 11 and 13 % wider, by 43 % where steepness is always believed; the worst errors
+/// of 29 eigenvalues are 3.6, 3.6 and 2.1 % on a skull, 10.7, 8.8 and 8.8 % on a sword.
+const RINGS: usize = 2;
 
 /// Nearest neighbors whose distance is a scale, and the least rise of a link between layers in units of it.
 pub(super) const REACHED: usize = 8;
@@ -148,12 +153,12 @@ pub(super) fn leads_across(steepness: f64) -> bool {
     steepness > ACROSS
 }
 
-/// The points whose star has a link to another layer.
+/// The points around which steepness tells layers apart.
 ///
-/// Noise makes such links too, and leaving them out would make the surface smoother than its points are: a point counts
-/// only where, in its star and those of its neighbors, no more links are between flat and steep than are steep.
-pub(super) fn layered(stars: &Stars, steepness: impl Fn(usize, u32) -> f64 + Sync) -> Vec<bool> {
-    let counts: Vec<[u32; 2]> = (0..stars.len())
+/// Noise makes steep links too, and leaving them out would make the surface smoother than its points are: in the stars of a
+/// point and of the [`RINGS`] around it there must be no more links between flat and steep than steep ones.
+pub(super) fn tells_layers(stars: &Stars, steepness: impl Fn(usize, u32) -> f64 + Sync) -> Vec<bool> {
+    let mut counts: Vec<[u32; 2]> = (0..stars.len())
         .into_par_iter()
         .with_min_len(256)
         .map(|i| {
@@ -164,16 +169,17 @@ pub(super) fn layered(stars: &Stars, steepness: impl Fn(usize, u32) -> f64 + Syn
             })
         })
         .collect();
-    (0..stars.len())
-        .into_par_iter()
-        .with_min_len(256)
-        .map(|i| {
-            let around = stars.of(i).iter().map(|spoke| counts[spoke.neighbor as usize]);
-            let [across, between] =
-                around.fold(counts[i], |[a, b], [across, between]| [a + across, b + between]);
-            counts[i][0] > 0 && across >= between
-        })
-        .collect()
+    for _ in 0..RINGS {
+        counts = (0..stars.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| {
+                let around = stars.of(i).iter().map(|spoke| counts[spoke.neighbor as usize]);
+                around.fold(counts[i], |[a, b], [across, between]| [a + across, b + between])
+            })
+            .collect();
+    }
+    counts.iter().map(|[across, between]| across >= between).collect()
 }
 
 #[cfg(test)]
@@ -256,10 +262,14 @@ mod tests {
             let frames = frames(&points, &nearest, 2, &Progress::new()).unwrap();
             let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules: Rules::default() };
             let stars = Stars::find(&points, &tree, &nearest, &frames, true, &Progress::new()).unwrap();
-            let layered = layered(&stars, |i, q| survey.steepness(&frames, i, q));
-            inner(&points).filter(|&i| layered[i]).count() as f64 / inner(&points).count() as f64
+            let tells = tells_layers(&stars, |i, q| survey.steepness(&frames, i, q));
+            let steep = |i: usize| {
+                stars.of(i).iter().any(|spoke| leads_across(survey.steepness(&frames, i, spoke.neighbor)))
+            };
+            let steep: Vec<usize> = inner(&points).filter(|&i| steep(i)).collect();
+            steep.iter().filter(|&&i| tells[i]).count() as f64 / steep.len() as f64
         };
         let (noise, layers) = (share(searchable(&noisy)), share(plates(0.6)));
-        assert!(noise < 0.1 && layers > 0.5, "{noise} {layers}");
+        assert!(noise < 0.2 && layers > 0.9, "{noise} {layers}");
     }
 }

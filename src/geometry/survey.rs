@@ -2,8 +2,10 @@
 
 use std::f64::consts::{PI, TAU};
 
+use rayon::prelude::*;
+
 use super::frames::Frames;
-use super::layers::{REACHED, layered, leads_across, steepness};
+use super::layers::{REACHED, leads_across, steepness, tells_layers};
 use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::orientation::Orientation;
 use super::points::{GeometryError, Points};
@@ -123,13 +125,13 @@ impl Survey<'_> {
                 stars = stars.found_again(points, tree, nearest, &frames, &none, &turned, any, progress)?;
             }
         }
-        let layered = if sheet_aware && rules.part_layers {
-            layered(&stars, |i, q| self.steepness(&frames, i, q))
+        let tells_layers = if sheet_aware && rules.part_layers {
+            tells_layers(&stars, |i, q| self.steepness(&frames, i, q))
         } else {
             vec![false; stars.len()]
         };
-        if layered.contains(&true) {
-            stars = self.on_one_layer(&stars, &frames, &layered, progress)?;
+        if sheet_aware && rules.part_layers {
+            stars = self.on_one_layer(&stars, &frames, &tells_layers, progress)?;
         }
         // sides are told by the triangles; what a point sees is better left to the plane that found them
         let mut sides = frames.clone();
@@ -137,7 +139,7 @@ impl Survey<'_> {
         let orientation = Orientation::find(&sides, points.len(), &stars.links());
         progress.checkpoint()?;
         if sheet_aware && rules.part_sheets && orientation.conflicts < CONFLICTS_MAX {
-            stars = self.parted(&stars, &frames, (&orientation, &sides), &layered, progress)?;
+            stars = self.parted(&stars, &frames, (&orientation, &sides), &tells_layers, progress)?;
         }
         let whole = stars.area(points);
         let stars = stars.with_open_gaps(points, nearest, rules.verify_gaps);
@@ -160,15 +162,20 @@ impl Survey<'_> {
         &self,
         stars: &Stars,
         frames: &Frames,
-        layered: &[bool],
+        tells_layers: &[bool],
         progress: &Progress,
     ) -> Result<Stars, GeometryError> {
         let Self { points, tree, nearest, .. } = *self;
         let across = |i: usize, q: u32| leads_across(self.steepness(frames, i, q));
+        let layered: Vec<bool> = (0..stars.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| tells_layers[i] && stars.of(i).iter().any(|spoke| across(i, spoke.neighbor)))
+            .collect();
         let surrounds = |i: usize, star: &[Spoke]| {
             widest_gap(points, frames, i, star) <= widest_gap(points, frames, i, stars.of(i))
         };
-        stars.found_again(points, tree, nearest, frames, &across, layered, surrounds, progress)
+        stars.found_again(points, tree, nearest, frames, &across, &layered, surrounds, progress)
     }
 
     /// The stars without neighbors that face the other way, where the others still surround the point.
@@ -177,7 +184,7 @@ impl Survey<'_> {
         stars: &Stars,
         frames: &Frames,
         (orientation, planes): (&Orientation, &Frames),
-        layered: &[bool],
+        tells_layers: &[bool],
         progress: &Progress,
     ) -> Result<Stars, GeometryError> {
         let Self { points, tree, nearest, .. } = *self;
@@ -188,8 +195,9 @@ impl Survey<'_> {
             let allowed = GAP_ANGLE_MAX.max(widest_gap(points, frames, i, stars.of(i)));
             widest_gap(points, frames, i, star) <= allowed
         };
-        let leaves_out =
-            |i: usize, q: u32| faces_away(i, q) || (layered[i] && leads_across(self.steepness(frames, i, q)));
+        let leaves_out = |i: usize, q: u32| {
+            faces_away(i, q) || (tells_layers[i] && leads_across(self.steepness(frames, i, q)))
+        };
         stars.found_again(points, tree, nearest, frames, &leaves_out, &mixed, surrounds, progress)
     }
 }
