@@ -242,7 +242,7 @@ pub fn as_ply(features: &[Feature], cloud: &PointCloud) -> Vec<u8> {
     let pairs = features.iter().map(|feature| feature.pairs.len() as f64).collect();
     columns.push(("pairs".to_owned(), ScalarType::Uint16, pairs));
     let header = PlyHeader {
-        encoding: PlyEncoding::BinaryLittleEndian,
+        encoding: PlyEncoding::Binary,
         points: features.len(),
         properties: columns.iter().map(|(name, kind, _)| (name.clone(), *kind)).collect(),
         faces: 0,

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Every room with the rooms that it may import from. A room stands below those that it is named in.
 const ROOMS: [(&str, &[&str]); 16] = [
     ("arguments", &[]),
-    ("progress", &[]),
+    ("progress", &["arguments"]),
     ("metrics", &[]),
     ("cloud", &["arguments", "progress"]),
     ("geometry", &["cloud", "progress"]),

@@ -2,83 +2,43 @@
 
 use std::fmt;
 
-/// File formats of clouds. All are read; [`Format::WRITTEN`] are written too.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Hash,
-    serde::Serialize,
-    serde::Deserialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "lowercase")]
-pub enum Format {
-    /// Polygon file format, ASCII or binary.
-    Ply,
-    /// Wavefront OBJ.
-    Obj,
-    /// Object file format of Geomview.
-    Off,
-    /// Triangles of stereolithography, ASCII or binary.
-    Stl,
-    /// A point per line, columns separated by blanks (also `.txt` and `.pts`).
-    Xyz,
-    /// Comma, semicolon or tab separated values.
-    Csv,
-    /// A NumPy array, n×d.
-    Npy,
-    /// Point Cloud Library: ASCII, binary, or compressed.
-    Pcd,
-    /// ASPRS LAS, versions 1.0 to 1.4.
-    Las,
-    /// LAS compressed by `LASzip`.
-    Laz,
-    /// ASTM E57.
-    E57,
+use crate::arguments::words;
+
+words! {
+    /// File formats of clouds. All are read; [`Format::WRITTEN`] are written too.
+    #[non_exhaustive]
+    pub enum Format {
+        /// Polygon file format, ASCII or binary.
+        Ply,
+        /// Wavefront OBJ.
+        Obj,
+        /// Object file format of Geomview.
+        Off,
+        /// Triangles of stereolithography, ASCII or binary.
+        Stl,
+        /// A point per line, columns separated by blanks (also `.txt` and `.pts`).
+        Xyz,
+        /// Comma, semicolon or tab separated values.
+        Csv,
+        /// A NumPy array, n×d.
+        Npy,
+        /// Point Cloud Library: ASCII, binary, or compressed.
+        Pcd,
+        /// ASPRS LAS, versions 1.0 to 1.4.
+        Las,
+        /// LAS compressed by `LASzip`.
+        Laz,
+        /// ASTM E57.
+        E57,
+    }
 }
 
 impl Format {
-    /// All formats.
-    pub const ALL: [Self; 11] = [
-        Self::Ply,
-        Self::Obj,
-        Self::Off,
-        Self::Stl,
-        Self::Xyz,
-        Self::Csv,
-        Self::Npy,
-        Self::Pcd,
-        Self::Las,
-        Self::Laz,
-        Self::E57,
-    ];
-
-    /// The formats that [`write()`](crate::cloud::writer::write()) writes.
-    pub const WRITTEN: [Self; 10] = [
-        Self::Ply,
-        Self::Obj,
-        Self::Off,
-        Self::Stl,
-        Self::Xyz,
-        Self::Csv,
-        Self::Npy,
-        Self::Pcd,
-        Self::Las,
-        Self::Laz,
-    ];
-
-    /// Name in the interface.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        <Self as strum::VariantNames>::VARIANTS[self as usize]
-    }
+    /// The formats that [`write()`](crate::cloud::writer::write()) writes: all but the last.
+    pub const WRITTEN: [Self; Self::ALL.len() - 1] = {
+        let [written @ .., Self::E57] = Self::ALL else { unreachable!() };
+        written
+    };
 
     /// Media type in answers. Only `model/obj`, `model/stl`, `model/e57` and `text/csv` are registered with IANA.
     #[must_use]
@@ -110,12 +70,6 @@ impl Format {
         matches!(self, Self::Ply | Self::Obj | Self::Off | Self::Stl | Self::Xyz | Self::Csv | Self::Pcd)
     }
 
-    /// The format with this [`Self::name`], in any case.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        name.to_ascii_lowercase().parse().ok()
-    }
-
     /// The format of a file with this extension (without the dot), in any case.
     #[must_use]
     pub fn from_extension(extension: &str) -> Option<Self> {
@@ -140,28 +94,17 @@ impl Format {
         match name.strip_prefix("x-").unwrap_or(name) {
             "tab-separated-values" => Some(Self::Csv),
             "wavefront-obj" => Some(Self::Obj),
-            "vnd.las" => Some(Self::Las),
-            "vnd.laszip" => Some(Self::Laz),
-            name => Self::from_name(name),
+            name => {
+                let of_this_type = |format: &Self| format.media_type() == essence;
+                Self::from_name(name).or_else(|| Self::ALL.into_iter().find(of_this_type))
+            }
         }
     }
 }
 
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Ply => "PLY",
-            Self::Obj => "OBJ",
-            Self::Off => "OFF",
-            Self::Stl => "STL",
-            Self::Xyz => "XYZ",
-            Self::Csv => "CSV",
-            Self::Npy => "NPY",
-            Self::Pcd => "PCD",
-            Self::Las => "LAS",
-            Self::Laz => "LAZ",
-            Self::E57 => "E57",
-        })
+        f.pad(&self.name().to_ascii_uppercase())
     }
 }
 
@@ -178,11 +121,6 @@ mod tests {
         }
         assert_eq!(Format::from_media_type("text/csv; charset=utf-8; header=present"), Some(Format::Csv));
         assert_eq!(Format::from_extension("pts"), Some(Format::Xyz));
-    }
-
-    #[test]
-    fn every_format_that_is_written_is_one() {
-        assert!(Format::WRITTEN.iter().all(|format| Format::ALL.contains(format)));
     }
 
     #[test]

@@ -6,7 +6,6 @@ use axum::Json;
 use axum::extract::State;
 use serde::Serialize;
 use serde_json::Value;
-use strum::VariantNames;
 use utoipa::ToSchema;
 
 use super::{
@@ -219,9 +218,9 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
             points: offered(points::ReadPoints::OFFERS),
             bases: offered(bases::ReadBases::OFFERS),
         },
-        operators: OperatorKind::ALL.iter().map(|kind| kind.name()).collect(),
+        operators: OperatorKind::ALL.map(OperatorKind::name).to_vec(),
         parameters: submission::narrowed(limits.bases_max).iter().map(ParameterView::from).collect(),
-        filters: FilterKind::VARIANTS.to_vec(),
+        filters: FilterKind::ALL.map(FilterKind::name).to_vec(),
         results: results(),
         upload_parameters: parameters::<submission::ReadUpload>(),
         limits: limits.into(),

@@ -149,12 +149,12 @@ fn essence(media_type: &str) -> String {
 }
 
 fn unsupported(reason: &str) -> Problem {
-    let names: Vec<_> = Format::ALL.iter().map(|format| format.name()).collect();
+    let names = Format::ALL.map(Format::name);
     Problem::new(
         Kind::UnsupportedFormat,
         format!("{reason}; accepted are {}, told by ?format= or by Content-Type", names.join(", ")),
     )
-    .with("accepted", names)
+    .with("accepted", names.to_vec())
 }
 
 #[cfg(test)]
