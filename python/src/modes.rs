@@ -215,7 +215,7 @@ impl Modes {
 
     /// Area, boundary length and Euler characteristic as JSON.
     fn invariants(&self) -> PyResult<String> {
-        if self.report.dimension != 2 || self.report.operator.is_combinatorial() {
+        if !self.report.is_of_surface() {
             return Err(refused(
                 "invariants are those of surfaces; graphs, curves and volumes have other heat traces",
             ));

@@ -14,18 +14,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::Modes;
+pub use super::heat_trace::Estimate;
 use super::heat_trace::{self, WINDOW_START};
 use crate::geometry::Sampling;
-
-/// A number and how far fits that should agree on it are apart.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-pub struct Estimate {
-    /// The number.
-    pub value: f64,
-    /// Sum of the distances to the other fits; see the module on what else is part of it.
-    pub uncertainty: f64,
-}
 
 impl Estimate {
     fn widened(self) -> Self {
@@ -162,15 +153,15 @@ fn traced_area(known: &[f64], sampling: &Sampling, is_open: bool) -> Result<Esti
         .ok_or_else(|| format!("{} eigenvalues carry information, 10 are needed", known.len()))?;
     let error = if is_open { ERROR_OPEN } else { ERROR_CLOSED };
     let resolution = known.last().unwrap_or(&0.0) * sampling.spacing.powi(2);
-    let uncertainty = area.uncertainty + area.area.abs() * error * resolution;
+    let uncertainty = area.uncertainty + area.value.abs() * error * resolution;
     // two numbers of the same surface that exclude each other are both unknown
-    if (area.area - sampling.area).abs() > AREA_MISFIT_MAX * sampling.area + uncertainty {
+    if (area.value - sampling.area).abs() > AREA_MISFIT_MAX * sampling.area + uncertainty {
         return Err(format!(
             "{:.4} ± {uncertainty:.4} is read off, which the {:.4} of the cells excludes; ask for more bases",
-            area.area, sampling.area
+            area.value, sampling.area
         ));
     }
-    Ok(Estimate { value: area.area, uncertainty })
+    Ok(Estimate { uncertainty, ..area })
 }
 
 /// Boundary length, for an open surface, and Euler characteristic, from the smallest eigenvalues in 1/length² and the area

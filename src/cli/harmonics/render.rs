@@ -135,12 +135,11 @@ fn plot(args: &RenderArgs) -> Result<(), Failure> {
         let shown = directory.display();
         return Err(Failure::Input(format!("{shown} holds an operator without a spectrum")));
     };
-    let is_surface = report.dimension == 2 && !report.operator.is_combinatorial();
     let title = format!("{} eigenvalues, operator {}", spectrum.eigenvalues.len(), report.operator.name());
     let svg = plot_spectrum(&Spectrum {
         eigenvalues: &spectrum.eigenvalues,
         clusters: &spectrum.clusters,
-        area: is_surface.then_some(report.sampling.area),
+        area: report.is_of_surface().then_some(report.sampling.area),
         title: &title,
     });
     output::write_file(&args.output, |out| out.write_all(svg.as_bytes()))?;
