@@ -9,6 +9,7 @@ use crate::operator::OperatorKind;
 /// What the triangulated surface says of itself. Absent for operators that triangulate none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Fidelity {
     /// 1 where none of the figures below speaks against the numbers, towards 0 where they do; no bound on the error.
     pub trust: f64,

@@ -262,6 +262,7 @@ impl Parameters {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[allow(clippy::struct_excessive_bools)] // independent switches
+#[non_exhaustive]
 pub struct Additions {
     /// Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.
     pub isometric_cells: bool,

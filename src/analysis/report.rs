@@ -10,6 +10,7 @@ use crate::spectrum::Spectrum;
 /// What an analysis found out, without its arrays. Serialized as it is shown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Report {
     /// The operator.
     pub operator: OperatorKind,

@@ -31,6 +31,7 @@ arguments! {
 
 /// A distance from one point.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Distance {
     kind: DistanceKind,
     /// Time t of the diffusion, in length².

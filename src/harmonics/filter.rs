@@ -78,6 +78,7 @@ arguments! {
 /// A filter on given modes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Transfer {
     /// Factor of every mode.
     pub gains: Vec<f64>,
@@ -88,6 +89,7 @@ pub struct Transfer {
 /// Why there is no such filter.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("parameter `{parameter}` {reason}")]
+#[non_exhaustive]
 pub struct FilterError {
     /// As in the interface.
     pub parameter: &'static str,

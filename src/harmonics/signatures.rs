@@ -35,6 +35,7 @@ arguments! {
 
 /// A signature at several scales: weights of the squared bases.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Signature {
     /// Time t of every scale in length² (HKS), or energy ln λ (WKS).
     pub scales: Vec<f64>,

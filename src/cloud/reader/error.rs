@@ -7,6 +7,7 @@ use crate::cloud::CloudError;
 
 /// Where in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Location {
     /// A line, counting from 1.
     Line(usize),
