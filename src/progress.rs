@@ -41,7 +41,7 @@ pub type Durations = [f64; Phase::ALL.len()];
 
 const EXPECTED: Durations = [2.0, 4.0, 6.0, 6.0, 7.0, 70.0, 5.0];
 
-/// Told of every phase as it begins.
+/// Called at the beginning of every phase.
 type Observer = Box<dyn Fn(Phase) + Send + Sync>;
 
 /// Asked for bytes of memory; false when they cannot be had.
@@ -87,7 +87,7 @@ impl Progress {
         Self { observer: Some(Box::new(observer)), ..Self::default() }
     }
 
-    /// Asks `grant` whether the computation may take so many bytes of memory in all, wherever it finds out that it needs
+    /// Asks `grant` whether the computation may take a number of bytes of memory in all, wherever it finds out that it needs
     /// more than could be told before it began. Without a grant it takes what it needs.
     #[must_use]
     pub fn granting(self, grant: impl Fn(u64) -> bool + Send + Sync + 'static) -> Self {

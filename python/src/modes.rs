@@ -146,7 +146,7 @@ impl Modes {
         array(py, flat, [vectors.shape()[0], width])
     }
 
-    /// So many times (`hks`) or energies (`wks`), spread over the spectrum.
+    /// `count` times (`hks`) or energies (`wks`), spread over the spectrum.
     fn scales(&self, request: &Bound<'_, PyDict>) -> PyResult<Vec<f64>> {
         Ok(self.signature_of(request, None)?.scales)
     }

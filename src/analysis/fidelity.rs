@@ -34,7 +34,7 @@ const OPENED_HALF: f64 = 0.02;
 const NOISE_HALF: f64 = 0.4;
 const STRETCH_HALF: f64 = 1.5;
 
-/// Where a caller is told.
+/// Values from which on the caller is warned.
 const DISPUTED_WARNED: f64 = 0.02;
 const OPENED_WARNED: f64 = 0.02;
 const NOISE_WARNED: f64 = 0.15;

@@ -63,13 +63,13 @@ const DENSITY_RATIO_WARNED: f64 = 50.0;
 const ROWS_NAMED: usize = 10;
 
 impl Report {
-    /// Says what the sampling leaves doubtful; `lonely` are the rows of isolated points.
     /// Whether its eigenvalues are those of a surface: not of a curve, a volume or a graph.
     #[must_use]
     pub fn is_of_surface(&self) -> bool {
         self.dimension == 2 && !self.operator.is_combinatorial()
     }
 
+    /// Says what the sampling leaves doubtful; `lonely` are the rows of isolated points.
     pub(super) fn warn_of_sampling(&mut self, mut lonely: Vec<usize>) {
         let sampling = &self.sampling;
         if sampling.invalid_cells as f64 > INVALID_SHARE_WARNED * self.points_used as f64 {

@@ -159,7 +159,7 @@ impl PointCloud {
         self
     }
 
-    /// Adds to what is told of the file.
+    /// Adds notes about the file.
     #[must_use]
     pub fn with_notes(mut self, notes: impl IntoIterator<Item = String>) -> Self {
         self.origin.notes.extend(notes);

@@ -86,7 +86,7 @@ pub struct Transfer {
     pub outside: f64,
 }
 
-/// Why there is no such filter.
+/// A parameter that makes no filter.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("parameter `{parameter}` {reason}")]
 #[non_exhaustive]

@@ -36,7 +36,7 @@ const CLOSED: Fit = Fit { start: 5.0, ratio: 3.0, powers: &[0, 2], others: &[0, 
 /// Times in the window.
 const SAMPLES: usize = 24;
 
-/// A later window begins at so many times the first time of the main one.
+/// First time of the later window over that of the main one.
 const LATER: f64 = 1.5;
 
 /// A number and how far fits that should agree on it are apart.

@@ -32,7 +32,7 @@ pub struct Invariants {
     pub cell_area: f64,
     /// Area from the heat trace, in length²; null for fewer than 10 eigenvalues.
     pub heat_trace_area: Option<Estimate>,
-    /// Whether so many cells lie on a rim that the surface is taken for an open one.
+    /// Whether enough cells lie on a rim to take the surface for an open one.
     pub is_open: bool,
     /// Length of the rims; null for a closed surface, and where the spectrum does not carry it.
     pub boundary_length: Option<Estimate>,
@@ -50,7 +50,7 @@ const MODES_MIN: usize = 50;
 /// Times in a window.
 const SAMPLES: usize = 24;
 
-/// Windows from the first time to so many times it.
+/// Last time of a window over its first.
 const SHORT: f64 = 4.0;
 const LONG: f64 = 8.0;
 
@@ -117,7 +117,7 @@ pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
     let length = length.filter(|length| length.value > length.uncertainty);
     if length.is_none() {
         let reason = match found {
-            Some(length) => format!("{:.3} ± {:.3} is no length", length.value, length.uncertainty),
+            Some(length) => format!("{:.3} ± {:.3} cannot be told from 0", length.value, length.uncertainty),
             None if is_open => too_few.clone(),
             None => "the surface is closed".to_owned(),
         };
@@ -309,7 +309,7 @@ mod tests {
             let all = smallest(all.into_iter(), 400);
             for count in [12, 20, 30, 50, 75, 100, 150, 200, 300, 400] {
                 for points in [f64::INFINITY, 4000.0, 2000.0] {
-                    // as finite elements of so many points err
+                    // the error of finite elements
                     let h2 = exact / points;
                     let known: Vec<f64> = all[..count].iter().map(|x| x * (1.0 - x * h2 / 12.0)).collect();
                     let sampling = Sampling {

@@ -28,7 +28,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME")]
     field: Option<String>,
 
-    /// Mark the so many most persistent feature points of the directory
+    /// Mark this number of the most persistent feature points of the directory
     #[arg(long, value_name = "COUNT")]
     features: Option<usize>,
 

@@ -152,7 +152,7 @@ pub enum ReadError {
         /// Columns of the table.
         columns: usize,
     },
-    /// The numbers were read, but they are no cloud.
+    /// The numbers were read, but they do not make a cloud.
     #[error(transparent)]
     Cloud(#[from] CloudError),
 }

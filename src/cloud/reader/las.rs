@@ -99,7 +99,7 @@ impl File<'_> {
         let range = place.offset..place.offset + place.stored.size();
         let mask = if place.mask == 0 { u8::MAX } else { place.mask << place.shift };
         let is_zero = |record: &[u8]| record[range.clone()].iter().all(|&byte| byte & mask == 0);
-        // A number that is not 0 for bytes of 0 is no unused one.
+        // An offset makes a number other than 0 of bytes that are 0.
         let stands_for_zero = place.scaled.is_none_or(|(_, offset)| offset == 0.0);
         stands_for_zero && records.chunks_exact(self.record).all(is_zero)
     }

@@ -4,7 +4,7 @@ use super::{Format, container, foreign, las, names, pcd, stl, text};
 
 /// How far [`Format::sniff`] looks for text.
 const SNIFFED_BYTES: usize = 4096;
-/// How far a packed file is unpacked to look at it: binary STL is told by its length.
+/// How far a packed file is unpacked to look at it: binary STL is recognized by its length.
 const SNIFFED_PACKED: usize = 64 << 20;
 /// Lines of prose that may stand before what tells.
 const SNIFFED_LINES: usize = 20;

@@ -37,7 +37,7 @@ pub(crate) struct Capabilities {
     upload_parameters: Vec<ParameterView>,
     /// Filters by name.
     filters: Vec<&'static str>,
-    /// Results of jobs by name: what they can be had as, and what may be asked of them.
+    /// Results of jobs by name: their formats and parameters.
     results: BTreeMap<&'static str, ResultView>,
     /// Limits.
     limits: LimitsView,
@@ -141,9 +141,9 @@ pub(crate) struct LimitsView {
     memory_budget_bytes: u64,
     /// Bytes that stay free on the disk.
     disk_floor_bytes: u64,
-    /// Days that jobs are kept after their end; null for ever.
+    /// Days after their end at which jobs are deleted; null keeps them.
     keep_jobs_days: Option<u64>,
-    /// Days that clouds without jobs are kept; null for ever.
+    /// Days after their upload at which clouds without jobs are deleted; null keeps them.
     keep_clouds_days: Option<u64>,
     /// Bytes of bases as JSON; more is to be had as npy.
     json_bytes: u64,

@@ -35,7 +35,7 @@ pub(crate) struct RowLayout {
 }
 
 impl RowLayout {
-    /// The same file, made so many rows at a time.
+    /// The same file, made in blocks of rows.
     #[must_use]
     pub(crate) fn in_chunks_of(self, chunk_rows: usize) -> Self {
         Self { chunk_rows, ..self }

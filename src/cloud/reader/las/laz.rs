@@ -86,7 +86,7 @@ fn side_by_side(
             let damaged = |error: &dyn std::fmt::Display| damaged(file, done, error);
             unpacked.map_err(|error| damaged(&error))?.map_err(|error| damaged(&error))
         };
-        // What a crate stumbles over on another thread is told there too.
+        // A panic on another thread is caught there.
         guarded(Format::Laz, unpack)
     })?;
     Ok(records)
