@@ -157,7 +157,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
         Command::Render(args) => harmonics::render(&args),
         Command::Sample(args) => sample::run(&args),
         Command::Reproduce(args) => reproduce::run(&args),
-        Command::Health(args) => health::run(&args),
+        Command::Health(args) => run_on_runtime(health::run(args)),
         Command::Completions(args) => completions::run(&args),
     };
     match result {

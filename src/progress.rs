@@ -6,53 +6,27 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use serde::{Deserialize, Serialize};
+use crate::arguments::words;
 
-/// What an analysis is doing, in the order in which the phases follow each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum Phase {
-    /// Merging duplicates, recentring, ordering the points along a space-filling curve.
-    Preparation,
-    /// Nearest neighbors and tangent frames.
-    Neighborhoods,
-    /// Voronoi cells in the tangent planes.
-    Cells,
-    /// Entries of stiffness and mass.
-    Assembly,
-    /// Fill-reducing order; the Cholesky factor too where it does not depend on what the slices find.
-    Factorization,
-    /// Block iterations of the eigensolver.
-    Eigenpairs,
-    /// Residuals, orthogonality, missed-eigenvalue check.
-    Certificates,
-}
-
-impl Phase {
-    /// All phases in order.
-    pub const ALL: [Self; 7] = [
-        Self::Preparation,
-        Self::Neighborhoods,
-        Self::Cells,
-        Self::Assembly,
-        Self::Factorization,
-        Self::Eigenpairs,
-        Self::Certificates,
-    ];
-
-    /// Lowercase name, as the interface shows it.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Preparation => "preparation",
-            Self::Neighborhoods => "neighborhoods",
-            Self::Cells => "cells",
-            Self::Assembly => "assembly",
-            Self::Factorization => "factorization",
-            Self::Eigenpairs => "eigenpairs",
-            Self::Certificates => "certificates",
-        }
+words! {
+    /// What an analysis is doing, in the order in which the phases follow each other.
+    #[derive(PartialOrd, Ord)]
+    #[non_exhaustive]
+    pub enum Phase {
+        /// Merging duplicates, recentring, ordering the points along a space-filling curve.
+        Preparation,
+        /// Nearest neighbors and tangent frames.
+        Neighborhoods,
+        /// Voronoi cells in the tangent planes.
+        Cells,
+        /// Entries of stiffness and mass.
+        Assembly,
+        /// Fill-reducing order; the Cholesky factor too where it does not depend on what the slices find.
+        Factorization,
+        /// Block iterations of the eigensolver.
+        Eigenpairs,
+        /// Residuals, orthogonality, missed-eigenvalue check.
+        Certificates,
     }
 }
 
@@ -67,7 +41,7 @@ pub type Durations = [f64; Phase::ALL.len()];
 
 const EXPECTED: Durations = [2.0, 4.0, 6.0, 6.0, 7.0, 70.0, 5.0];
 
-/// Told of every phase as it begins.
+/// Called at the beginning of every phase.
 type Observer = Box<dyn Fn(Phase) + Send + Sync>;
 
 /// Asked for bytes of memory; false when they cannot be had.
@@ -116,7 +90,7 @@ impl Progress {
         Self { observer: Some(Box::new(observer)), ..Self::default() }
     }
 
-    /// Asks `grant` whether the computation may take so many bytes of memory in all, wherever it finds out that it needs
+    /// Asks `grant` whether the computation may take a number of bytes of memory in all, wherever it finds out that it needs
     /// more than could be told before it began. Without a grant it takes what it needs.
     #[must_use]
     pub fn granting(self, grant: impl Fn(u64) -> bool + Send + Sync + 'static) -> Self {

@@ -182,7 +182,7 @@ class Basis:
         return filtered[:, 0] if flat else filtered
 
     def hks(self, times: ArrayLike | int = 16, scaled: bool = False) -> Array:
-        """Give the heat kernel signature, (n, s), at times in length², or at so many spread over the spectrum.
+        """Give the heat kernel signature, (n, s), at times in length², or at a number of them spread over the spectrum.
 
         `scaled` divides every column by its integral over the surface.
 
@@ -193,7 +193,7 @@ class Basis:
         return self._signature("hks", times, scaled)
 
     def wks(self, energies: ArrayLike | int = 16) -> Array:
-        """Give the wave kernel signature, (n, s), at energies ln λ, or at so many spread over the spectrum.
+        """Give the wave kernel signature, (n, s), at energies ln λ, or at a number of them spread over the spectrum.
 
         >>> import chladni
         >>> chladni.eigenbasis(chladni.sample("sphere", 500), k=9).wks(5).shape
@@ -202,7 +202,7 @@ class Basis:
         return self._signature("wks", energies, False)
 
     def scales(self, kind: str = "hks", count: int = 16) -> Array:
-        """Give so many times for `hks`, or energies for `wks`, spread over the spectrum: what a number stands for there.
+        """Give the times that `hks`, or the energies that `wks`, takes when it is called with a number of scales.
 
         >>> import chladni
         >>> basis = chladni.eigenbasis(chladni.sample("sphere", 500), k=9)
@@ -269,7 +269,7 @@ class Basis:
     def similarity(self, other: Basis, modes: int = 50, sized: bool = False) -> dict[str, Any]:
         """Compare two shapes by their spectra (ShapeDNA): `["distance"]` is 0 for equal ones.
 
-        At most so many `modes` above 0 are compared; `sized` tells the same shape in two sizes apart.
+        At most `modes` eigenvalues above 0 are compared; `sized` distinguishes two sizes of one shape.
 
         >>> import chladni
         >>> basis = chladni.eigenbasis(chladni.sample("sphere", 500), k=9)

@@ -181,7 +181,7 @@ class Job:
         return f"Job({self.id}, {self.state['state']})"
 
     def wait(self, progress: Progress = None, seconds: float | None = None) -> Job:
-        """Wait for its end; raise `ServiceError` if it failed or was canceled, `TimeoutError` after so many seconds.
+        """Wait for its end; raise `ServiceError` if it failed or was canceled, `TimeoutError` after `seconds`.
 
         `progress` is `True` for tqdm's bar, or called with the share that is done and the name of the phase.
         """

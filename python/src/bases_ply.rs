@@ -17,7 +17,7 @@ pub(crate) fn write_bases_ply(
     bases: usize,
     path: &Path,
 ) -> io::Result<()> {
-    let (encoding, kind) = (PlyEncoding::BinaryLittleEndian, ScalarType::Float32);
+    let (encoding, kind) = (PlyEncoding::Binary, ScalarType::Float32);
     let header = (0..bases)
         .fold(PlyHeader::of(cloud, encoding), |header, j| header.with_property(format!("basis_{j}"), kind));
     let mut out = BufWriter::new(File::create(path)?);

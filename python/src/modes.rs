@@ -146,7 +146,7 @@ impl Modes {
         array(py, flat, [vectors.shape()[0], width])
     }
 
-    /// So many times (`hks`) or energies (`wks`), spread over the spectrum.
+    /// `count` times (`hks`) or energies (`wks`), spread over the spectrum.
     fn scales(&self, request: &Bound<'_, PyDict>) -> PyResult<Vec<f64>> {
         Ok(self.signature_of(request, None)?.scales)
     }
@@ -215,7 +215,7 @@ impl Modes {
 
     /// Area, boundary length and Euler characteristic as JSON.
     fn invariants(&self) -> PyResult<String> {
-        if self.report.dimension != 2 || self.report.operator.is_combinatorial() {
+        if !self.report.is_of_surface() {
             return Err(refused(
                 "invariants are those of surfaces; graphs, curves and volumes have other heat traces",
             ));

@@ -7,7 +7,7 @@ use crate::arguments::named;
 use crate::cloud::Cloud;
 use crate::{refused, threads};
 
-/// Draws so many points of a shape.
+/// Draws a number of points from a shape.
 #[pyfunction]
 #[pyo3(signature = (shape, points, sampling, noise, seed, angle))]
 pub(crate) fn sample(

@@ -11,7 +11,7 @@ use rayon::ThreadPool;
 /// Factorization recurses along its elimination tree.
 const STACK_BYTES: usize = 16 << 20;
 
-/// A pool of so many threads, 0 for one per processor.
+/// A pool of `threads` threads, 0 for one per processor.
 pub(crate) fn pool(threads: usize) -> PyResult<ThreadPool> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(STACK_BYTES).build();
     pool.map_err(|error| PyRuntimeError::new_err(error.to_string()))

@@ -60,7 +60,7 @@ pub(super) fn triangles(
     Ok(triangles)
 }
 
-/// Of larger clouds one base per so many points is computed at most.
+/// Larger clouds have at most one base per this number of points.
 const BASES_SHARE: usize = 5;
 
 /// Points up to which an operator is solved densely, for all bases.
@@ -68,7 +68,7 @@ pub(super) fn dense_max(parameters: &Parameters) -> usize {
     if parameters.operator.is_pcd() { DENSE_POINTS_MAX_GENERAL } else { DENSE_POINTS_MAX }
 }
 
-/// The most bases of so many distinct points.
+/// The most bases that this number of distinct points allows.
 fn bases_max(parameters: &Parameters, points: usize) -> usize {
     if points > dense_max(parameters) { points / BASES_SHARE } else { points }
 }

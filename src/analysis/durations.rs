@@ -28,7 +28,7 @@ const BASES_DOUBLED: f64 = 1500.0;
 /// Microseconds of a dense eigenproblem, over the cube of the points.
 const DENSE: f64 = 1e-2;
 
-/// The expected times of an analysis of so many points, in microseconds a point.
+/// The expected times of an analysis, in microseconds per point.
 pub(super) fn expected(kind: JobKind, parameters: &Parameters, points: usize) -> Durations {
     let costs = if parameters.operator.is_heat_kernel() { WIDE } else { NARROW };
     let [preparation, neighborhoods, cells] = GEOMETRY;

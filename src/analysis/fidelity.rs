@@ -9,6 +9,7 @@ use crate::operator::OperatorKind;
 /// What the triangulated surface says of itself. Absent for operators that triangulate none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Fidelity {
     /// 1 where none of the figures below speaks against the numbers, towards 0 where they do; no bound on the error.
     pub trust: f64,
@@ -33,7 +34,7 @@ const OPENED_HALF: f64 = 0.02;
 const NOISE_HALF: f64 = 0.4;
 const STRETCH_HALF: f64 = 1.5;
 
-/// Where a caller is told.
+/// Values from which on the caller is warned.
 const DISPUTED_WARNED: f64 = 0.02;
 const OPENED_WARNED: f64 = 0.02;
 const NOISE_WARNED: f64 = 0.15;

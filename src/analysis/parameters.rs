@@ -3,35 +3,22 @@
 use serde::{Deserialize, Serialize};
 
 use super::AnalysisError;
-use crate::arguments::{Arguments, Value, arguments};
+use crate::arguments::{Arguments, Value, arguments, words};
 use crate::geometry::Sampling;
 use crate::geometry::frames::INTRINSIC_MAX;
 use crate::operator::{Distance, HeatKernel, OperatorKind, Parameterization, graph, pb_mhb, pcd};
 
-/// Whether only the operator is built, or its eigenpairs too.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Hash,
-    Default,
-    Serialize,
-    Deserialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "lowercase")]
-pub enum JobKind {
-    /// Builds the operator, then computes bases and spectrum.
-    #[default]
-    Eigen,
-    /// Builds and diagnoses the operator; its matrices Q and B can be fetched.
-    Operator,
+words! {
+    /// Whether only the operator is built, or its eigenpairs too.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum JobKind {
+        /// Builds the operator, then computes bases and spectrum.
+        #[default]
+        Eigen,
+        /// Builds and diagnoses the operator; its matrices Q and B can be fetched.
+        Operator,
+    }
 }
 
 /// Most bases that any configuration may allow.
@@ -275,6 +262,7 @@ impl Parameters {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[allow(clippy::struct_excessive_bools)] // independent switches
+#[non_exhaustive]
 pub struct Additions {
     /// Measure cells by true distances; on surfaces in the triangles around every point, without gaps and holes.
     pub isometric_cells: bool,

@@ -10,6 +10,7 @@ use crate::spectrum::Spectrum;
 /// What an analysis found out, without its arrays. Serialized as it is shown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Report {
     /// The operator.
     pub operator: OperatorKind,
@@ -62,6 +63,12 @@ const DENSITY_RATIO_WARNED: f64 = 50.0;
 const ROWS_NAMED: usize = 10;
 
 impl Report {
+    /// Whether its eigenvalues are those of a surface: not of a curve, a volume or a graph.
+    #[must_use]
+    pub fn is_of_surface(&self) -> bool {
+        self.dimension == 2 && !self.operator.is_combinatorial()
+    }
+
     /// Says what the sampling leaves doubtful; `lonely` are the rows of isolated points.
     pub(super) fn warn_of_sampling(&mut self, mut lonely: Vec<usize>) {
         let sampling = &self.sampling;

@@ -155,7 +155,7 @@ impl KeyFile {
         let temporary = PathBuf::from(name);
         let written = self.write(&temporary).and_then(|()| fs::rename(&temporary, &self.path));
         written.map_err(|cause| {
-            // The error that is told is the first one.
+            // The first error is the one to report.
             let _ = fs::remove_file(&temporary);
             of_file(&self.path, cause)
         })

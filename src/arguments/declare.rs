@@ -21,7 +21,7 @@
 /// ```
 ///
 /// Kinds of values: `integer(least, most)` (usize), `positive`, `nonnegative`, `range(low, high)` (f64), `switch` (bool),
-/// `word(T)`, `id(T)` (T reads a UUID), `text` (String), `names` (Vec<String>). An argument has a `default`, or is an `Option` (or names)
+/// `word(T)` (T is declared by `words!`), `id(T)` (T reads a UUID), `text` (String), `names` (Vec<String>). An argument has a `default`, or is an `Option` (or names)
 /// and says in words what holds when it is `absent`.
 macro_rules! arguments {
     (
@@ -144,13 +144,13 @@ pub(crate) use groups;
 
 #[cfg(test)]
 mod tests {
-    use crate::arguments::{Absent, Accepts, Arguments, Value};
+    use crate::arguments::{Absent, Accepts, Arguments, Value, words};
 
-    #[derive(Debug, Clone, Copy, PartialEq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
-    #[strum(serialize_all = "kebab-case")]
-    enum Way {
-        OneWay,
-        Other,
+    words! {
+        enum Way {
+            OneWay,
+            Other,
+        }
     }
 
     arguments! {

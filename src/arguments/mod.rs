@@ -5,11 +5,13 @@
 
 mod declare;
 mod reading;
+mod words;
 
 pub(crate) use declare::arguments;
 #[cfg(feature = "server")]
 pub(crate) use declare::groups;
 pub use reading::{ArgumentError, Reader};
+pub(crate) use words::words;
 
 /// What values an argument takes.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,10 +9,8 @@ use std::sync::Arc;
 
 use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
 use chladni::cloud::reader::read_columns;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use strum::VariantNames;
 
-use super::flags::Flags;
+use super::flags::{Flags, word};
 use super::input::{self, CloudArgs};
 use super::interrupt::Interrupt;
 use super::reporting::Reporting;
@@ -33,7 +31,7 @@ pub(crate) struct AnalyzeArgs {
     force: bool,
 
     /// Operator and mass only, or eigenpairs too; eigenpairs unless functions are to be applied
-    #[arg(long, value_parser = kinds())]
+    #[arg(long, value_parser = word::<JobKind>(&JobKind::ALL.map(JobKind::name)))]
     kind: Option<JobKind>,
 
     /// Apply the operator to functions, an npy file of n or n × m numbers, and write laplacian.npy
@@ -52,10 +50,6 @@ pub(crate) struct AnalyzeArgs {
 
     #[command(flatten, next_help_heading = "Parameters of the analysis")]
     parameters: Flags<Parameters>,
-}
-
-fn kinds() -> impl TypedValueParser<Value = JobKind> {
-    PossibleValuesParser::new(JobKind::VARIANTS).try_map(|name| name.parse::<JobKind>())
 }
 
 /// Reads, analyses, writes, and prints a summary.

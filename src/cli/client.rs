@@ -1,7 +1,5 @@
 //! A small HTTP client: commands speak to their own service as anybody else would, through a socket.
 
-use std::net::SocketAddr;
-
 use axum::body::{Body, Bytes, to_bytes};
 use hyper::client::conn::http1::{SendRequest, handshake};
 use hyper::{Method, Request, StatusCode, header};
@@ -51,11 +49,11 @@ pub(crate) struct Client {
 }
 
 impl Client {
-    /// Connects to `address`.
+    /// Connects to `host:port`.
     ///
     /// # Errors
     /// [`ClientError`].
-    pub(crate) async fn connect(address: SocketAddr) -> Result<Self, ClientError> {
+    pub(crate) async fn connect(address: &str) -> Result<Self, ClientError> {
         let stream = TcpStream::connect(address).await?;
         let (sender, connection) = handshake(TokioIo::new(stream)).await?;
         tokio::spawn(async move {
@@ -63,7 +61,7 @@ impl Client {
                 tracing::debug!(%error, "the connection ended");
             }
         });
-        Ok(Self { sender, host: address.to_string() })
+        Ok(Self { sender, host: address.to_owned() })
     }
 
     /// The body of a successful answer.

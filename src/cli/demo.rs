@@ -15,6 +15,7 @@ use chladni::cloud::writer::write;
 use hyper::Method;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
+use tempfile::TempDir;
 
 use super::client::{Client, ClientError};
 
@@ -82,14 +83,24 @@ pub(crate) enum DemoError {
 /// # Errors
 /// [`DemoError`].
 pub(crate) async fn run(args: DemoArgs) -> Result<(), DemoError> {
-    let directory = Directory::open(args.directory.clone())?;
-    let app = start(&args, &directory.path).await?;
+    let temporary = match &args.directory {
+        Some(given) => {
+            std::fs::create_dir_all(given)?;
+            None
+        }
+        None => Some(tempfile::Builder::new().prefix("chladni-demo-").tempdir()?),
+    };
+    let directory =
+        args.directory.as_deref().or(temporary.as_ref().map(TempDir::path)).unwrap_or(Path::new("."));
+    let app = start(&args, directory).await?;
     let outcome = tokio::select! {
         shown = show_and_stay(&app, &args) => shown,
         told = told_to_stop() => told.map_err(DemoError::from),
     };
     app.shutdown().await;
-    drop(directory);
+    if let Some(Err(error)) = temporary.map(TempDir::close) {
+        tracing::warn!(%error, "cannot remove the temporary directory");
+    }
     outcome
 }
 
@@ -101,32 +112,6 @@ async fn show_and_stay(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
         std::future::pending::<()>().await;
     }
     Ok(())
-}
-
-/// A directory that is removed at the end if it was made for the demo.
-struct Directory {
-    path: PathBuf,
-    temporary: bool,
-}
-
-impl Directory {
-    fn open(given: Option<PathBuf>) -> Result<Self, std::io::Error> {
-        let temporary = given.is_none();
-        let path = given
-            .unwrap_or_else(|| std::env::temp_dir().join(format!("chladni-demo-{}", uuid::Uuid::now_v7())));
-        std::fs::create_dir_all(&path)?;
-        Ok(Self { path, temporary })
-    }
-}
-
-impl Drop for Directory {
-    fn drop(&mut self) {
-        if self.temporary
-            && let Err(error) = std::fs::remove_dir_all(&self.path)
-        {
-            tracing::warn!(%error, directory = %self.path.display(), "cannot remove the temporary directory");
-        }
-    }
 }
 
 async fn start(args: &DemoArgs, directory: &Path) -> Result<App, StartError> {
@@ -152,7 +137,7 @@ async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
         file.len() >> 10
     );
     eprintln!("PUT http://{served}/clouds?bases={}", args.bases);
-    let mut client = Client::connect(served).await?;
+    let mut client = Client::connect(&served.to_string()).await?;
     let path = format!("/clouds?bases={}", args.bases);
     let accepted = client.send(Method::PUT, &path, Some("application/x-ply"), file).await?;
     let accepted: Value = serde_json::from_slice(&accepted).map_err(ClientError::from)?;

@@ -1,10 +1,20 @@
 //! Arguments of the library as flags: names, values, defaults and help come from their declarations.
 
+use std::str::FromStr;
+
 use chladni::arguments::{Absent, Accepts, Argument, Arguments, Value};
 use clap::builder::{PossibleValuesParser, Str, TypedValueParser, ValueParser};
 use clap::error::{Error, ErrorKind};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
+
+/// Accepts one of the words of an enum, of which `names` are offered.
+pub(super) fn word<T>(names: &[&'static str]) -> impl TypedValueParser<Value = T> + use<T>
+where
+    T: FromStr<Err = strum::ParseError> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names).try_map(|name| name.parse())
+}
 
 /// The flags of a struct of arguments.
 #[derive(Debug, Clone)]

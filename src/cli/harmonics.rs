@@ -24,14 +24,19 @@ pub(crate) use transform::{CoefficientsArgs, SynthesisArgs, coefficients, synthe
 
 use super::reporting::Reporting;
 use super::{Failure, output};
+use crate::arguments::words;
 use results::Results;
 
-/// A format that answers are written in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Output {
-    Ply,
-    Npy,
-    Json,
+words! {
+    /// A format that answers are written in.
+    enum Output {
+        /// Points with the answer as properties.
+        Ply,
+        /// An array.
+        Npy,
+        /// Numbers as text.
+        Json,
+    }
 }
 
 /// In which form results are written, and what is said of it.
@@ -72,14 +77,6 @@ impl Output {
     fn of(path: &Path, writing: &Writing, offered: &[Self]) -> Result<Self, Failure> {
         let offered: Vec<_> = offered.iter().map(|format| (format.name(), *format)).collect();
         writing.choice(path, &offered)
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Ply => "ply",
-            Self::Npy => "npy",
-            Self::Json => "json",
-        }
     }
 }
 

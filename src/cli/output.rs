@@ -1,15 +1,21 @@
 //! Results appear under their names when they are whole, or not at all.
 
-use std::fs::{self, File};
+use std::fs::{self, File, Permissions};
 use std::io::{self, BufWriter, Stdout, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use signal_hook::consts::SIGPIPE;
+use tempfile::TempDir;
 
 use super::Failure;
 
 /// Bytes that are written at once.
 const BUFFER_BYTES: usize = 1 << 20;
+
+/// Permissions before the user's mask: temporary files would be readable by their owner alone.
+const FILE_MODE: u32 = 0o666;
+const FOLDER_MODE: u32 = 0o777;
 
 /// Where a command writes.
 pub(super) enum Out {
@@ -49,17 +55,21 @@ pub(super) fn write_file(path: &Path, write: impl FnOnce(&mut Out) -> io::Result
             _ => Failure::Other(format!("standard output: {error}")),
         });
     }
-    let temporary = beside(path)?;
-    let written = write_whole(&temporary, write).and_then(|()| fs::rename(&temporary, path));
-    written.map_err(|error| {
-        // The error that is told is the first one.
-        let _ = fs::remove_file(&temporary);
-        named(path, &error)
-    })
+    let prefix = hidden(path)?;
+    let written = || {
+        let temporary = tempfile::Builder::new()
+            .prefix(&prefix)
+            .permissions(Permissions::from_mode(FILE_MODE))
+            .tempfile_in(folder(path))?;
+        write_whole(temporary.as_file().try_clone()?, write)?;
+        temporary.persist(path)?;
+        Ok(())
+    };
+    written().map_err(|error| named(path, &error))
 }
 
-fn write_whole(path: &Path, write: impl FnOnce(&mut Out) -> io::Result<()>) -> io::Result<()> {
-    let mut out = Out::File(BufWriter::with_capacity(BUFFER_BYTES, File::create(path)?));
+fn write_whole(file: File, write: impl FnOnce(&mut Out) -> io::Result<()>) -> io::Result<()> {
+    let mut out = Out::File(BufWriter::with_capacity(BUFFER_BYTES, file));
     write(&mut out)?;
     out.flush()
 }
@@ -68,7 +78,7 @@ fn write_whole(path: &Path, write: impl FnOnce(&mut Out) -> io::Result<()>) -> i
 #[derive(Debug)]
 pub(super) struct Directory {
     target: PathBuf,
-    temporary: PathBuf,
+    temporary: TempDir,
     files: Vec<String>,
 }
 
@@ -87,8 +97,15 @@ impl Directory {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
             Err(error) => return Err(Failure::Input(format!("{}: {error}", target.display()))),
         }
-        let temporary = beside(target)?;
-        fs::create_dir_all(&temporary).map_err(|error| named(target, &error))?;
+        let prefix = hidden(target)?;
+        let made = || {
+            fs::create_dir_all(folder(target))?;
+            tempfile::Builder::new()
+                .prefix(&prefix)
+                .permissions(Permissions::from_mode(FOLDER_MODE))
+                .tempdir_in(folder(target))
+        };
+        let temporary = made().map_err(|error| named(target, &error))?;
         Ok(Self { target: target.to_owned(), temporary, files: Vec::new() })
     }
 
@@ -98,8 +115,9 @@ impl Directory {
         name: &str,
         write: impl FnOnce(&mut Out) -> io::Result<()>,
     ) -> Result<(), Failure> {
-        let path = self.temporary.join(name);
-        write_whole(&path, write).map_err(|error| named(&self.target.join(name), &error))?;
+        let file = File::create(self.temporary.path().join(name));
+        file.and_then(|file| write_whole(file, write))
+            .map_err(|error| named(&self.target.join(name), &error))?;
         self.files.push(name.to_owned());
         Ok(())
     }
@@ -108,31 +126,28 @@ impl Directory {
     pub(super) fn finish(self) -> Result<Vec<PathBuf>, Failure> {
         let is_whole_directory = fs::remove_dir(&self.target).is_ok() || !self.target.exists();
         let moved = if is_whole_directory {
-            fs::rename(&self.temporary, &self.target)
+            fs::rename(self.temporary.path(), &self.target)
         } else {
             self.files
                 .iter()
-                .try_for_each(|name| fs::rename(self.temporary.join(name), self.target.join(name)))
+                .try_for_each(|name| fs::rename(self.temporary.path().join(name), self.target.join(name)))
         };
         moved.map_err(|error| named(&self.target, &error))?;
         Ok(self.files.iter().map(|name| self.target.join(name)).collect())
     }
 }
 
-impl Drop for Directory {
-    fn drop(&mut self) {
-        // Gone already when it was moved.
-        let _ = fs::remove_dir_all(&self.temporary);
-    }
-}
-
-/// A hidden name in the same directory, so that moving is renaming.
-fn beside(path: &Path) -> Result<PathBuf, Failure> {
+/// How the hidden name begins that a path has until it is whole.
+fn hidden(path: &Path) -> Result<String, Failure> {
     let name = path
         .file_name()
         .ok_or_else(|| Failure::Input(format!("`{}` is not the name of a file", path.display())))?;
-    let hidden = format!(".{}.{}", name.to_string_lossy(), std::process::id());
-    Ok(path.with_file_name(hidden))
+    Ok(format!(".{}.", name.to_string_lossy()))
+}
+
+/// The folder that a path lies in, so that moving is renaming.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 fn named(path: &Path, error: &io::Error) -> Failure {

@@ -5,10 +5,9 @@ use std::path::PathBuf;
 use chladni::cloud::reader::Format;
 use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
 use chladni::cloud::writer;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-
 use serde_json::json;
 
+use super::flags::word;
 use super::reporting::Reporting;
 use super::{Failure, output};
 
@@ -16,7 +15,7 @@ use super::{Failure, output};
 #[derive(Debug, clap::Args)]
 pub(crate) struct SampleArgs {
     /// The shape
-    #[arg(value_parser = shapes())]
+    #[arg(value_parser = word::<Shape>(&Shape::ALL.map(Shape::name)))]
     shape: Shape,
 
     /// Number of points; grids take the nearest number that they can have
@@ -24,7 +23,7 @@ pub(crate) struct SampleArgs {
     points: usize,
 
     /// How points are spread: well spaced, independent, independent and tenfold denser along x, or a grid with faces
-    #[arg(long, default_value = "uniform", value_parser = samplings())]
+    #[arg(long, default_value = Sampling::default().name(), value_parser = word::<Sampling>(&Sampling::ALL.map(Sampling::name)))]
     sampling: Sampling,
 
     /// Standard deviation of Gaussian noise along every axis, in units of the shape
@@ -44,26 +43,11 @@ pub(crate) struct SampleArgs {
     output: PathBuf,
 
     /// Format in place of the one that the extension names; ply for standard output
-    #[arg(long, value_name = "FORMAT", value_parser = written())]
+    #[arg(long, value_name = "FORMAT", value_parser = word::<Format>(&Format::WRITTEN.map(Format::name)))]
     output_format: Option<Format>,
 
     #[command(flatten)]
     reporting: Reporting,
-}
-
-fn written() -> impl TypedValueParser<Value = Format> {
-    PossibleValuesParser::new(Format::WRITTEN.map(Format::name))
-        .try_map(|name| Format::from_name(&name).ok_or("not a format"))
-}
-
-fn shapes() -> impl TypedValueParser<Value = Shape> {
-    PossibleValuesParser::new(Shape::ALL.map(Shape::name))
-        .try_map(|name| Shape::from_name(&name).ok_or("not a shape"))
-}
-
-fn samplings() -> impl TypedValueParser<Value = Sampling> {
-    PossibleValuesParser::new(Sampling::ALL.map(Sampling::name))
-        .try_map(|name| Sampling::from_name(&name).ok_or("not a sampling"))
 }
 
 /// Draws the sample and writes it.

@@ -79,7 +79,7 @@ async fn show(app: &App, args: &ViewArgs, file: Vec<u8>) -> Result<(), Failure> 
 
 /// Submits the scan; the id of its job.
 async fn upload(address: SocketAddr, args: &ViewArgs, file: Vec<u8>) -> Result<String, Failure> {
-    let mut client = Client::connect(address).await.map_err(Failure::other)?;
+    let mut client = Client::connect(&address.to_string()).await.map_err(Failure::other)?;
     let path = format!(
         "/clouds/{}?operator={}&bases={}",
         file_name(&args.scan),

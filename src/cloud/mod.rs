@@ -17,29 +17,31 @@ pub use grid::Grid;
 pub use origin::Origin;
 pub use survey::{Bytes, Survey};
 
+use crate::arguments::words;
+
 /// Largest ambient dimension d of a cloud.
 pub const DIMENSION_MAX: usize = 8;
 
-/// The scalar types of PLY; remembered so that a field leaves as it came.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ScalarType {
-    /// Signed 8-bit integer.
-    Int8,
-    /// Unsigned 8-bit integer.
-    Uint8,
-    /// Signed 16-bit integer.
-    Int16,
-    /// Unsigned 16-bit integer.
-    Uint16,
-    /// Signed 32-bit integer.
-    Int32,
-    /// Unsigned 32-bit integer.
-    Uint32,
-    /// IEEE 754 single precision.
-    Float32,
-    /// IEEE 754 double precision.
-    Float64,
+words! {
+    /// The scalar types of PLY, in the order of Turk's specification; remembered so that a field leaves as it came.
+    pub enum ScalarType {
+        /// Signed 8-bit integer.
+        Int8,
+        /// Unsigned 8-bit integer.
+        Uint8,
+        /// Signed 16-bit integer.
+        Int16,
+        /// Unsigned 16-bit integer.
+        Uint16,
+        /// Signed 32-bit integer.
+        Int32,
+        /// Unsigned 32-bit integer.
+        Uint32,
+        /// IEEE 754 single precision.
+        Float32,
+        /// IEEE 754 double precision.
+        Float64,
+    }
 }
 
 /// A named per-point scalar of the upload, for example `intensity`, `red` or `nx`.
@@ -55,29 +57,16 @@ pub struct ScalarField {
     pub values: Vec<f64>,
 }
 
-/// What to do with a point that has a non-finite coordinate.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    serde::Serialize,
-    serde::Deserialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "lowercase")]
-pub enum NonFinite {
-    /// Refuse the cloud and name the first such row.
-    #[default]
-    Reject,
-    /// Keep the row, without a result.
-    Drop,
+words! {
+    /// What to do with a point that has a non-finite coordinate.
+    #[derive(Default)]
+    pub enum NonFinite {
+        /// Refuse the cloud and name the first such row.
+        #[default]
+        Reject,
+        /// Keep the row, without a result.
+        Drop,
+    }
 }
 
 /// A cloud of n points in `R^d`, row for row as uploaded.
@@ -170,7 +159,7 @@ impl PointCloud {
         self
     }
 
-    /// Adds to what is told of the file.
+    /// Adds notes about the file.
     #[must_use]
     pub fn with_notes(mut self, notes: impl IntoIterator<Item = String>) -> Self {
         self.origin.notes.extend(notes);

@@ -6,6 +6,7 @@ use super::Survey;
 /// works with it knows what was left out.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct Origin {
     /// What was left out, and what was not taken word for word; a sentence each.
     pub notes: Vec<String>,

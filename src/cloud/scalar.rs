@@ -3,18 +3,6 @@
 use super::ScalarType;
 
 impl ScalarType {
-    /// All types, in the order in which Turk's specification lists them.
-    pub const ALL: [Self; 8] = [
-        Self::Int8,
-        Self::Uint8,
-        Self::Int16,
-        Self::Uint16,
-        Self::Int32,
-        Self::Uint32,
-        Self::Float32,
-        Self::Float64,
-    ];
-
     /// Bytes of one value.
     #[must_use]
     pub const fn size(self) -> usize {

@@ -1,40 +1,18 @@
 //! Distances that the spectrum gives, from one point to all.
 
-use serde::{Deserialize, Serialize};
-
 use super::{Block, Modes};
-use crate::arguments::arguments;
+use crate::arguments::{arguments, words};
 
-/// Which distance.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    Serialize,
-    Deserialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "lowercase")]
-pub enum DistanceKind {
-    /// `d² = Σ (H_i(p) − H_i(q))² / λ_i²` over the non-zero modes [Lipman, Rustamov, Funkhouser 2010]; a length.
-    #[default]
-    Biharmonic,
-    /// `d² = Σ exp(−2 t λ_i) (H_i(p) − H_i(q))²` [Coifman, Lafon 2006]; in 1/length.
-    Diffusion,
-}
-
-impl DistanceKind {
-    /// As in the interface.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        <Self as strum::VariantNames>::VARIANTS[self as usize]
+words! {
+    /// Which distance.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum DistanceKind {
+        /// `d² = Σ (H_i(p) − H_i(q))² / λ_i²` over the non-zero modes [Lipman, Rustamov, Funkhouser 2010]; a length.
+        #[default]
+        Biharmonic,
+        /// `d² = Σ exp(−2 t λ_i) (H_i(p) − H_i(q))²` [Coifman, Lafon 2006]; in 1/length.
+        Diffusion,
     }
 }
 
@@ -53,6 +31,7 @@ arguments! {
 
 /// A distance from one point.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Distance {
     kind: DistanceKind,
     /// Time t of the diffusion, in length².

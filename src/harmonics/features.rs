@@ -53,6 +53,7 @@ impl FeatureRequest {
 
 /// A hill of `|H|`.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Extremum {
     /// Its summit, a point of the [`Neighborhoods`].
     pub point: u32,
@@ -63,6 +64,7 @@ pub struct Extremum {
 /// A place where consecutive bases have extrema.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Feature {
     /// Row of the upload.
     pub index: usize,
@@ -204,6 +206,7 @@ pub fn features(
 
 /// A feature before it is placed in the upload.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Place {
     /// A point of the [`Neighborhoods`].
     pub point: u32,
@@ -242,7 +245,7 @@ pub fn as_ply(features: &[Feature], cloud: &PointCloud) -> Vec<u8> {
     let pairs = features.iter().map(|feature| feature.pairs.len() as f64).collect();
     columns.push(("pairs".to_owned(), ScalarType::Uint16, pairs));
     let header = PlyHeader {
-        encoding: PlyEncoding::BinaryLittleEndian,
+        encoding: PlyEncoding::Binary,
         points: features.len(),
         properties: columns.iter().map(|(name, kind, _)| (name.clone(), *kind)).collect(),
         faces: 0,

@@ -3,84 +3,44 @@
 //! `x' = Σ F(λ_i) x̃_i H_i + F_high · (x − Σ x̃_i H_i)`: with finitely many bases, what lies outside of their span is kept
 //! apart. Its factor is what the filter does above all frequencies, unless the caller says otherwise.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::Modes;
-use crate::arguments::arguments;
+use crate::arguments::{arguments, words};
 
-/// What a filter does.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    Serialize,
-    Deserialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "kebab-case")]
-pub enum FilterKind {
-    /// Keeps what lies below the cut-off.
-    #[default]
-    LowPass,
-    /// Keeps what lies at or above the cut-off.
-    HighPass,
-    /// Keeps what lies between two edges.
-    BandPass,
-    /// Removes what lies between two edges.
-    BandStop,
-    /// Multiplies what lies between two edges, or from one on, by a gain.
-    Enhance,
-    /// Lets heat flow for a time: `exp(−sλ)`.
-    Heat,
-}
-
-impl FilterKind {
-    /// As in the interface.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        <Self as strum::VariantNames>::VARIANTS[self as usize]
+words! {
+    /// What a filter does.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum FilterKind {
+        /// Keeps what lies below the cut-off.
+        #[default]
+        LowPass,
+        /// Keeps what lies at or above the cut-off.
+        HighPass,
+        /// Keeps what lies between two edges.
+        BandPass,
+        /// Removes what lies between two edges.
+        BandStop,
+        /// Multiplies what lies between two edges, or from one on, by a gain.
+        Enhance,
+        /// Lets heat flow for a time: `exp(−sλ)`.
+        Heat,
     }
 }
 
-/// In what an edge is given.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    Serialize,
-    Deserialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "lowercase")]
-pub enum Scale {
-    /// Number of a mode, from 0.
-    #[default]
-    Mode,
-    /// √λ, in 1/length.
-    Frequency,
-    /// 2π/√λ, in units of the cloud.
-    Wavelength,
-}
-
-impl Scale {
-    /// As in the interface.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        <Self as strum::VariantNames>::VARIANTS[self as usize]
+words! {
+    /// In what an edge is given.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum Scale {
+        /// Number of a mode, from 0.
+        #[default]
+        Mode,
+        /// √λ, in 1/length.
+        Frequency,
+        /// 2π/√λ, in units of the cloud.
+        Wavelength,
     }
 }
 
@@ -118,6 +78,7 @@ arguments! {
 /// A filter on given modes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Transfer {
     /// Factor of every mode.
     pub gains: Vec<f64>,
@@ -125,9 +86,10 @@ pub struct Transfer {
     pub outside: f64,
 }
 
-/// Why there is no such filter.
+/// A parameter that makes no filter.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("parameter `{parameter}` {reason}")]
+#[non_exhaustive]
 pub struct FilterError {
     /// As in the interface.
     pub parameter: &'static str,

@@ -110,7 +110,7 @@ impl Target {
     }
 
     /// The cloud with these numbers in place of its own, everything else as it was. Normals follow moved points. A filtered
-    /// integer is no integer and becomes a double; but colors stay whole, as viewers want them.
+    /// integer is not an integer and becomes a double; but colors stay whole, as viewers want them.
     ///
     /// # Errors
     /// [`CloudError`] when the numbers are not as many as the cloud's.

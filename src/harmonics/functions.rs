@@ -23,7 +23,7 @@ impl Function {
     }
 
     /// Gives the rows that have mass but no finite value the mean of the others, weighted by mass, and remembers them: a
-    /// scan has no intensity where its laser saw none, and that is no reason to know nothing of the rest. False when no
+    /// scan has no intensity where its laser saw none, and the rest is still known. False when no
     /// row has a value.
     pub fn fill_missing(&mut self, mass: &[f64]) -> bool {
         let (mut sum, mut weight) = (0.0, 0.0);

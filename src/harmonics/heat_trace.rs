@@ -4,6 +4,7 @@
 //! length ℓ and Euler characteristic χ.
 
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 
 /// Fewer eigenvalues do not determine the fit.
 const EIGENVALUES_MIN: usize = 10;
@@ -35,24 +36,26 @@ const CLOSED: Fit = Fit { start: 5.0, ratio: 3.0, powers: &[0, 2], others: &[0, 
 /// Times in the window.
 const SAMPLES: usize = 24;
 
-/// A later window begins at so many times the first time of the main one.
+/// First time of the later window over that of the main one.
 const LATER: f64 = 1.5;
 
-/// An area in length², and how far fits that should agree on it are apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AreaEstimate {
-    /// The intercept of `4πτ Z(τ)` at `τ = 0`.
-    pub area: f64,
-    /// Sum of the distances to the intercepts of fits with another number of terms and in a later window.
+/// A number and how far fits that should agree on it are apart.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Sum of the distances to the other fits; see the module on what else is part of it.
     pub uncertainty: f64,
 }
 
-/// Area of the surface from its smallest eigenvalues λ (1/length², ascending, the zero modes included).
+/// Area of the surface in length², the intercept of `4πτ Z(τ)` at `τ = 0`, from its smallest eigenvalues λ (1/length²,
+/// ascending, the zero modes included). Other fits have another number of terms or a later window.
 ///
 /// The papers extrapolate the zero order from 200 eigenvalues; we fit `4πτ Z(τ)` by a polynomial, in `√τ` for an open
 /// surface and in `τ` for a closed one. `None` for fewer than 10 eigenvalues or when the last is zero.
 #[must_use]
-pub fn area(eigenvalues: &[f64], is_open: bool) -> Option<AreaEstimate> {
+pub fn area(eigenvalues: &[f64], is_open: bool) -> Option<Estimate> {
     let largest = *eigenvalues.last()?;
     if eigenvalues.len() < EIGENVALUES_MIN || !largest.is_finite() || largest <= 0.0 {
         return None;
@@ -67,7 +70,7 @@ pub fn area(eigenvalues: &[f64], is_open: bool) -> Option<AreaEstimate> {
     };
     let area = fitted(fit.start, fit.powers)?;
     let others = [fitted(fit.start, fit.others)?, fitted(LATER * fit.start, fit.powers)?];
-    Some(AreaEstimate { area, uncertainty: others.iter().map(|other| (area - other).abs()).sum() })
+    Some(Estimate { value: area, uncertainty: others.iter().map(|other| (area - other).abs()).sum() })
 }
 
 /// `Z(τ)`, with what the eigenvalues beyond the last would add by Weyl's law.
@@ -98,9 +101,9 @@ mod tests {
         all
     }
 
-    fn is_within(share: f64, estimate: Option<AreaEstimate>, exact: f64) {
+    fn is_within(share: f64, estimate: Option<Estimate>, exact: f64) {
         let estimate = estimate.unwrap();
-        assert!((estimate.area / exact - 1.0).abs() < share, "{estimate:?} {exact}");
+        assert!((estimate.value / exact - 1.0).abs() < share, "{estimate:?} {exact}");
         assert!(estimate.uncertainty < 4.0 * share * exact, "{estimate:?}");
     }
 

@@ -14,18 +14,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::Modes;
+pub use super::heat_trace::Estimate;
 use super::heat_trace::{self, WINDOW_START};
 use crate::geometry::Sampling;
-
-/// A number and how far fits that should agree on it are apart.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-pub struct Estimate {
-    /// The number.
-    pub value: f64,
-    /// Sum of the distances to the other fits; see the module on what else is part of it.
-    pub uncertainty: f64,
-}
 
 impl Estimate {
     fn widened(self) -> Self {
@@ -41,7 +32,7 @@ pub struct Invariants {
     pub cell_area: f64,
     /// Area from the heat trace, in length²; null for fewer than 10 eigenvalues.
     pub heat_trace_area: Option<Estimate>,
-    /// Whether so many cells lie on a rim that the surface is taken for an open one.
+    /// Whether enough cells lie on a rim to take the surface for an open one.
     pub is_open: bool,
     /// Length of the rims; null for a closed surface, and where the spectrum does not carry it.
     pub boundary_length: Option<Estimate>,
@@ -59,7 +50,7 @@ const MODES_MIN: usize = 50;
 /// Times in a window.
 const SAMPLES: usize = 24;
 
-/// Windows from the first time to so many times it.
+/// Last time of a window over its first.
 const SHORT: f64 = 4.0;
 const LONG: f64 = 8.0;
 
@@ -126,7 +117,7 @@ pub fn measure(modes: &Modes, sampling: &Sampling) -> Invariants {
     let length = length.filter(|length| length.value > length.uncertainty);
     if length.is_none() {
         let reason = match found {
-            Some(length) => format!("{:.3} ± {:.3} is no length", length.value, length.uncertainty),
+            Some(length) => format!("{:.3} ± {:.3} cannot be told from 0", length.value, length.uncertainty),
             None if is_open => too_few.clone(),
             None => "the surface is closed".to_owned(),
         };
@@ -162,15 +153,15 @@ fn traced_area(known: &[f64], sampling: &Sampling, is_open: bool) -> Result<Esti
         .ok_or_else(|| format!("{} eigenvalues carry information, 10 are needed", known.len()))?;
     let error = if is_open { ERROR_OPEN } else { ERROR_CLOSED };
     let resolution = known.last().unwrap_or(&0.0) * sampling.spacing.powi(2);
-    let uncertainty = area.uncertainty + area.area.abs() * error * resolution;
+    let uncertainty = area.uncertainty + area.value.abs() * error * resolution;
     // two numbers of the same surface that exclude each other are both unknown
-    if (area.area - sampling.area).abs() > AREA_MISFIT_MAX * sampling.area + uncertainty {
+    if (area.value - sampling.area).abs() > AREA_MISFIT_MAX * sampling.area + uncertainty {
         return Err(format!(
             "{:.4} ± {uncertainty:.4} is read off, which the {:.4} of the cells excludes; ask for more bases",
-            area.area, sampling.area
+            area.value, sampling.area
         ));
     }
-    Ok(Estimate { value: area.area, uncertainty })
+    Ok(Estimate { uncertainty, ..area })
 }
 
 /// Boundary length, for an open surface, and Euler characteristic, from the smallest eigenvalues in 1/length² and the area
@@ -318,7 +309,7 @@ mod tests {
             let all = smallest(all.into_iter(), 400);
             for count in [12, 20, 30, 50, 75, 100, 150, 200, 300, 400] {
                 for points in [f64::INFINITY, 4000.0, 2000.0] {
-                    // as finite elements of so many points err
+                    // the error of finite elements
                     let h2 = exact / points;
                     let known: Vec<f64> = all[..count].iter().map(|x| x * (1.0 - x * h2 / 12.0)).collect();
                     let sampling = Sampling {

@@ -1,41 +1,19 @@
 //! Heat and wave kernel signatures: what a point sees of the surface, at several scales.
 
-use serde::{Deserialize, Serialize};
-
 use super::{Block, Modes};
-use crate::arguments::arguments;
+use crate::arguments::{arguments, words};
 
-/// Which signature.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Default,
-    Serialize,
-    Deserialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "lowercase")]
-pub enum SignatureKind {
-    /// Heat kernel signature [Sun, Ovsjanikov, Guibas 2009]: `Σ exp(−λ_i t) H_i(p)²`, in 1/length².
-    #[default]
-    Hks,
-    /// Wave kernel signature [Aubry, Schlickewei, Cremers 2011]: `Σ w_i H_i(p)²` with log-normal weights in energy
-    /// that sum to 1, in 1/length².
-    Wks,
-}
-
-impl SignatureKind {
-    /// As in the interface.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        <Self as strum::VariantNames>::VARIANTS[self as usize]
+words! {
+    /// Which signature.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum SignatureKind {
+        /// Heat kernel signature [Sun, Ovsjanikov, Guibas 2009]: `Σ exp(−λ_i t) H_i(p)²`, in 1/length².
+        #[default]
+        Hks,
+        /// Wave kernel signature [Aubry, Schlickewei, Cremers 2011]: `Σ w_i H_i(p)²` with log-normal weights in energy
+        /// that sum to 1, in 1/length².
+        Wks,
     }
 }
 
@@ -57,6 +35,7 @@ arguments! {
 
 /// A signature at several scales: weights of the squared bases.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Signature {
     /// Time t of every scale in length² (HKS), or energy ln λ (WKS).
     pub scales: Vec<f64>,

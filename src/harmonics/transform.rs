@@ -22,11 +22,21 @@ pub struct Partial {
 
 /// A function in the bases.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Transformed {
     /// `f̃_i = fᵀ B H_i`, in units of f times length on a surface.
     pub coefficients: Vec<f64>,
     /// `fᵀBf`, the energy of the whole function: by Parseval's identity at least `Σ f̃_i²`.
     pub energy: f64,
+}
+
+impl Transformed {
+    /// A function in bases that are all in one block; of more blocks, [`total`] adds what [`partial`] sums.
+    #[must_use]
+    pub fn of<C: AsRef<[f64]>>(function: &[f64], block: &Block<C>, mass: &[f64]) -> Self {
+        let Partial { mut coefficients, energy } = partial(block, mass, &[function]);
+        Self { coefficients: coefficients.swap_remove(0), energy: energy[0] }
+    }
 }
 
 /// The sums over one block's rows; functions and mass are indexed by rows of the upload.
@@ -135,6 +145,7 @@ arguments! {
 /// How a function's energy `fᵀBf` is spread.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Energy {
     /// `fᵀBf`.
     pub total: f64,
@@ -149,6 +160,7 @@ pub struct Energy {
 /// The energy of consecutive modes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Band {
     /// First mode.
     pub first: usize,

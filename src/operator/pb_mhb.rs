@@ -15,7 +15,7 @@ use crate::progress::{Canceled, Progress};
 /// 0.3, 0.4 and 0.5 %, bunny at 0.4 and 0.5 0.9 and 1.1 %.
 const T_FACTOR_CALIBRATED: f64 = 0.4;
 
-/// The same where points are so many times as far apart in one direction as in the other: a Gaussian that is as coarse for
+/// The same where points are `stretch` times as far apart in one direction as in the other: a Gaussian that is as coarse for
 /// the lattice in both directions can be calibrated by one number per point, one that is coarse in one direction cannot.
 /// Worst error of 29 eigenvalues at 0.4 and 0.8: scan lines 2 : 1 on a square 8.6 and 1.1 %, 4 : 1 14.8 and 1.7 %, on a
 /// flat torus 2 : 1 7.8 and 0.2 %. Random points have stretches of 1.4, hexagons and scans of meshes up to 1.65.

@@ -1,16 +1,4 @@
 //! Pictures: clouds as shaded points or triangles colored by a function, and spectra as plots.
-//!
-//! ```
-//! use chladni::cloud::shapes::{SampleRequest, Shape, sample};
-//! use chladni::picture::{Paint, Picture, View};
-//!
-//! let sphere = sample(&SampleRequest::new(Shape::Sphere, 2_000))?;
-//! let height: Vec<f64> = (0..sphere.len()).map(|row| sphere.point(row)[2]).collect();
-//! let picture = Picture::draw(&sphere, &Paint::Diverging(&height), &[], &View::default());
-//! let bytes = picture.to_png("the sphere's height")?;
-//! assert!(bytes.starts_with(b"\x89PNG"));
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 
 mod color;
 mod file;
@@ -47,6 +35,7 @@ const NUMBERED: f32 = 5.0;
 
 /// What points are colored by.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub enum Paint<'a> {
     /// Nothing: shape alone.
     Plain,

@@ -1,4 +1,4 @@
-//! Light on surfaces. Points have no normals: theirs are told from the depth of the pixels around.
+//! Light on surfaces. Points have no normals: these follow from the depth of the pixels around.
 
 use rayon::prelude::*;
 

@@ -1,6 +1,6 @@
 //! From where a cloud is looked at, and where its points fall in the picture.
 
-use crate::arguments::arguments;
+use crate::arguments::{arguments, words};
 use crate::cloud::PointCloud;
 
 /// Share of the picture that is left free around the cloud.
@@ -9,34 +9,34 @@ const MARGIN: f64 = 0.04;
 const RADIUS_LEAST: f64 = 0.8;
 const RADIUS_MOST: f64 = 0.05;
 
-/// The axis that points up in the picture.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Default, strum::EnumString, strum::IntoStaticStr, strum::VariantNames,
-)]
-#[strum(serialize_all = "kebab-case")]
-pub enum Up {
-    /// x.
-    X,
-    /// y, as most scanned objects have it.
-    Y,
-    /// z, as surveys have it.
-    #[default]
-    Z,
+words! {
+    /// The axis that points up in the picture.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum Up {
+        /// x.
+        X,
+        /// y, as most scanned objects have it.
+        Y,
+        /// z, as surveys have it.
+        #[default]
+        Z,
+    }
 }
 
-/// What is behind the points.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, Default, strum::EnumString, strum::IntoStaticStr, strum::VariantNames,
-)]
-#[strum(serialize_all = "kebab-case")]
-pub enum Background {
-    /// White.
-    #[default]
-    White,
-    /// Black.
-    Black,
-    /// Nothing.
-    Transparent,
+words! {
+    /// What is behind the points.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum Background {
+        /// White.
+        #[default]
+        White,
+        /// Black.
+        Black,
+        /// Nothing.
+        Transparent,
+    }
 }
 
 /// Most pixels along either side of a picture.

@@ -14,6 +14,7 @@ const CLUSTER_GAP: f64 = 1e-6;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum MissedCheck {
     /// All eigenvalues were computed.
     Dense,
@@ -28,6 +29,7 @@ pub enum MissedCheck {
 /// How far the eigenpairs can be trusted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Certificates {
     /// `max |HᵀBH − I|`.
     pub orthogonality: f64,

@@ -43,7 +43,7 @@ pub(super) fn solve<P>(
     progress.enter(Phase::Eigenpairs)?;
     let expected = request.weyl.map_or(0.0, |weyl| weyl.eigenvalue(wanted as f64));
     let shift = problem.shift.max(SHIFT_SHARE * expected);
-    // one slice of a wide operator is had from the end of the spectrum, where a factor in single precision is enough
+    // one slice of a wide operator is taken from the end of the spectrum, where a factor in single precision is enough
     let worthwhile = if counts { slicing::SLICED_FROM } else { slicing::SLICE + 1 };
     let sliced = match request.weyl.filter(|_| wanted >= worthwhile) {
         Some(weyl) => slicing::solve(problem, symbolic, weyl, found, request.tolerance, progress)?,
@@ -93,7 +93,7 @@ pub(super) fn solve<P>(
 
 /// The `count` smallest non-zero eigenpairs beside `beside` and the factor that they come from: in single precision where
 /// that reaches the tolerance.
-#[allow(clippy::too_many_arguments)] // where, how many, how well, and who is told
+#[allow(clippy::too_many_arguments)] // where, how many, how well, and who watches
 fn inverse_iteration<'a>(
     problem: &'a Problem,
     symbolic: &'a Symbolic,
@@ -119,7 +119,7 @@ fn inverse_iteration<'a>(
     Ok((pairs(&factor)?, factor))
 }
 
-/// The pairs with `more` others, searched for in the space that they leave: blocks find so many of a multiple eigenvalue
+/// The pairs with `more` others, searched for in the space that they leave: blocks find as many of a multiple eigenvalue
 /// at a time. Also the factor that these come from.
 fn with_missed<'a>(
     problem: &'a Problem,

@@ -9,7 +9,7 @@ use super::{Problem, SpectrumError};
 use crate::operator::Sparse;
 use crate::progress::Progress;
 
-/// Guard vectors beside the wanted ones: at least so many, and this share of the wanted.
+/// Guard vectors beside the wanted ones: at least this number, and this share of the wanted.
 const GUARD_MIN: usize = 12;
 const GUARD_SHARE: f64 = 0.2;
 

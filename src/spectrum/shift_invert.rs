@@ -17,7 +17,7 @@ use crate::progress::Progress;
 const RESTARTS_MAX: usize = 60;
 
 /// Blocks of room beside twice the pairs wanted around a shift inside of the spectrum. From the middle of evenly spaced
-/// eigenvalues 50 take 192 vectors and 100 take 272; with room for so many only, slices of double eigenvalues failed.
+/// eigenvalues 50 take 192 vectors and 100 take 272; with room for these only, slices of double eigenvalues failed.
 const ROOM_BLOCKS: usize = 6;
 
 /// Blocks of room beside twice the pairs wanted from the end of the spectrum: 100 take about 370 vectors in all, of which

@@ -12,6 +12,7 @@ use crate::progress::Progress;
 /// Eigenvalues with everything that tells how far to trust them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
+#[non_exhaustive]
 pub struct Spectrum {
     /// λ in 1/length² (of graph operators without unit), ascending, heat-corrected where the operator is a heat kernel. A value that carries no
     /// information (tμ ≥ 1) is absent (null).
@@ -39,6 +40,7 @@ pub struct Spectrum {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// All eigenpairs of the dense matrix.
     Dense,

@@ -33,7 +33,7 @@ export class Modes {
     }
   }
 
-  /** Fetches the neighbors of i; that one fails is told once it is looked at. */
+  /** Fetches the neighbors of i; a failure is shown once its mode is looked at. */
   ahead(i) {
     for (const next of [i + 1, i - 1, i + 2]) {
       if (next >= 0 && next < this.count && !this.kept.has(next)) this.get(next).catch(() => {});

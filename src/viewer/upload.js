@@ -66,7 +66,7 @@ function query() {
 
 export function cancelUpload() { canceled?.abort(); }
 
-/** Uploads a file; `shown` is told the share that is sent, and `done` what the service makes of it. */
+/** Uploads a file; `shown` gets the share that is sent, and `done` the service's answer. */
 async function send(file, shown, done) {
   if (!find('parameters').reportValidity()) return;
   canceled?.abort();

@@ -37,7 +37,7 @@ struct Holder {
     turn: Turn,
     leave: CancellationToken,
     is_spare: bool,
-    /// Its request waits for a place for everybody, and is answered when it is told to go.
+    /// Its request waits for a place that anybody may have; it is answered when it has to go.
     waits: bool,
 }
 

@@ -53,11 +53,11 @@ impl Rate {
 /// How a connection keeps its place, the least deserving first.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub(super) enum Claim {
-    /// It has sent no whole request for so many seconds (negative, so that the longest comes first).
+    /// Seconds since its last whole request (negative, so that the longest comes first).
     Idle(f64),
-    /// Its body comes at so many bytes per second.
+    /// Bytes per second at which its body arrives.
     Trickling(f64),
-    /// It has taken nothing of an answer for so many seconds (negative).
+    /// Seconds since it took a part of an answer (negative).
     Deaf(f64),
 }
 

@@ -82,7 +82,7 @@ fn bases_npy(analysis: &Analysis, rows: usize, out: &mut impl Write) -> io::Resu
 /// The cloud with a float property per basis, so that viewers can color by it. The rows are put together in
 /// memory, since bases come one by one and rows hold all of them.
 fn bases_ply(analysis: &Analysis, cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
-    let encoding = PlyEncoding::BinaryLittleEndian;
+    let encoding = PlyEncoding::Binary;
     let kind = ScalarType::Float32;
     let header = (0..analysis.bases())
         .fold(PlyHeader::of(cloud, encoding), |header, j| header.with_property(format!("basis_{j}"), kind));

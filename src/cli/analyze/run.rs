@@ -20,7 +20,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Length of the bar.
 const BAR_STEPS: u64 = 1000;
 
-/// The remaining time is told after this time, and from this part of the work on.
+/// The remaining time is shown after this time, and from this part of the work on.
 const ESTIMATE_AFTER: Duration = Duration::from_secs(2);
 const ESTIMATE_FROM: f64 = 0.1;
 
@@ -64,7 +64,7 @@ pub(super) fn with_progress(
         if !quiet {
             scope.spawn(move || watch(progress, &ended));
         }
-        // A panic is a bug in a solver; it is told in one line, like every other failure.
+        // A panic is a bug in a solver; it is reported in one line, like every other failure.
         std::panic::set_hook(Box::new(|_| {}));
         let result =
             catch_unwind(AssertUnwindSafe(|| pool.install(|| analyze(cloud, kind, parameters, progress))));
@@ -102,7 +102,7 @@ fn seconds(begun: &Begun) -> Vec<(Phase, f64)> {
     begun.iter().zip(ends).map(|(&(phase, start), end)| (phase, (end - start).as_secs_f64())).collect()
 }
 
-/// The time that is still to come, once there is something to tell it from.
+/// The remaining time, once enough is done to estimate it.
 fn remaining(elapsed: Duration, fraction: f64) -> String {
     if elapsed < ESTIMATE_AFTER || !(ESTIMATE_FROM..1.0).contains(&fraction) {
         return String::new();

@@ -101,7 +101,7 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
             output::write_file(&args.output, |out| out.write_all(&bytes))?;
         }
         Form::Result(Output::Ply) => {
-            let encoding = if args.ascii { PlyEncoding::Ascii } else { PlyEncoding::BinaryLittleEndian };
+            let encoding = if args.ascii { PlyEncoding::Ascii } else { PlyEncoding::Binary };
             let filtered = target.replaced(&cloud, &columns).map_err(Failure::other)?;
             let comment = format!("chladni: {description}; outside of the bases x {}", transfer.outside);
             output::write_file(&args.output, |out| {

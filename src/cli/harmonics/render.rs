@@ -28,7 +28,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "NAME")]
     field: Option<String>,
 
-    /// Mark the so many most persistent feature points of the directory
+    /// Mark this number of the most persistent feature points of the directory
     #[arg(long, value_name = "COUNT")]
     features: Option<usize>,
 
@@ -135,12 +135,11 @@ fn plot(args: &RenderArgs) -> Result<(), Failure> {
         let shown = directory.display();
         return Err(Failure::Input(format!("{shown} holds an operator without a spectrum")));
     };
-    let is_surface = report.dimension == 2 && !report.operator.is_combinatorial();
     let title = format!("{} eigenvalues, operator {}", spectrum.eigenvalues.len(), report.operator.name());
     let svg = plot_spectrum(&Spectrum {
         eigenvalues: &spectrum.eigenvalues,
         clusters: &spectrum.clusters,
-        area: is_surface.then_some(report.sampling.area),
+        area: report.is_of_surface().then_some(report.sampling.area),
         title: &title,
     });
     output::write_file(&args.output, |out| out.write_all(svg.as_bytes()))?;

@@ -113,7 +113,7 @@ impl Results {
         path: &Path,
     ) -> Result<(), Failure> {
         let cloud = self.cloud()?;
-        let (encoding, kind) = (PlyEncoding::BinaryLittleEndian, ScalarType::Float32);
+        let (encoding, kind) = (PlyEncoding::Binary, ScalarType::Float32);
         let mut properties = ply_properties(&cloud);
         properties.truncate(cloud.dimension());
         properties.extend(names.iter().map(|name| (name.clone(), kind)));

@@ -51,7 +51,7 @@ pub(crate) fn similarity(args: &SimilarityArgs) -> Result<(), Failure> {
 /// Computes and prints JSON.
 pub(crate) fn invariants(args: &InvariantsArgs) -> Result<(), Failure> {
     let (report, modes) = shape(&args.results)?;
-    if report.dimension != 2 || report.operator.is_combinatorial() {
+    if !report.is_of_surface() {
         let shown = args.results.display();
         return Err(Failure::Input(format!(
             "{shown} holds no spectrum of a surface; graphs, curves and volumes have other heat traces"

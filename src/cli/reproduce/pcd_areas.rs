@@ -81,7 +81,7 @@ pub(super) fn table_5(extent: Extent) -> Result<Table, Failure> {
             let lambda: Vec<f64> = eigenvalues(&analysis).into_iter().take_while(|x| x.is_finite()).collect();
             let estimate = if dimension == 2 {
                 heat_trace::area(&lambda, analysis.report.sampling.is_open())
-                    .map_or(f64::NAN, |estimate| estimate.area)
+                    .map_or(f64::NAN, |estimate| estimate.value)
             } else {
                 zero_order(&lambda)
             };

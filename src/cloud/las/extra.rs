@@ -71,7 +71,7 @@ pub(in crate::cloud) struct Extra {
     pub(in crate::cloud) descriptions: usize,
     /// Bytes at the end of which nothing is known.
     pub(in crate::cloud) undescribed: usize,
-    /// Those of them that are no places.
+    /// Those of them that are not places.
     pub(in crate::cloud) left_out: usize,
 }
 
@@ -194,7 +194,7 @@ pub(in crate::cloud) fn describe(field: &str, name: &str, kind: ScalarType) -> [
     bytes
 }
 
-/// Descriptions of so many bytes without documentation.
+/// Descriptions of undocumented bytes.
 pub(in crate::cloud) fn undocumented(bytes: usize) -> Vec<u8> {
     let pieces = (0..bytes).step_by(usize::from(u8::MAX)).enumerate();
     let described = pieces.flat_map(|(index, start)| {

@@ -121,7 +121,7 @@ impl Columns {
         }
     }
 
-    /// Bytes of memory for so many points.
+    /// Bytes of memory that a number of points takes.
     pub(super) fn bytes_of(&self, points: usize) -> Option<usize> {
         points.checked_mul(self.dimension + self.fields.len())?.checked_mul(size_of::<f64>())
     }

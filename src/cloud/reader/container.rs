@@ -138,7 +138,7 @@ pub(super) fn unpacked_len(bytes: &[u8]) -> Option<usize> {
     }
 }
 
-/// The first bytes of what is packed, and its name, to tell its format by. Nothing when it does not unpack.
+/// The first bytes of the packed file and its name, from which its format follows. `None` when it does not unpack.
 pub(super) fn head(bytes: &[u8], most: usize) -> Option<(Vec<u8>, Option<String>)> {
     let mut head = Vec::new();
     match Container::of(bytes)? {

@@ -7,6 +7,7 @@ use crate::cloud::CloudError;
 
 /// Where in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Location {
     /// A line, counting from 1.
     Line(usize),
@@ -151,7 +152,7 @@ pub enum ReadError {
         /// Columns of the table.
         columns: usize,
     },
-    /// The numbers were read, but they are no cloud.
+    /// The numbers were read, but they do not make a cloud.
     #[error(transparent)]
     Cloud(#[from] CloudError),
 }

@@ -1,4 +1,4 @@
-//! Files that are no clouds, told by their first bytes: called what they are, not a broken cloud.
+//! Recognizes files of other kinds by their first bytes, to name them instead of calling them broken clouds.
 
 /// What a file is, and what to do instead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! The lines before the first row of a table: comments, a number of points, names of the columns.
 
-use super::table::{CELLS_MAX, Dialect, is_comment};
+use super::dialect::{CELLS_MAX, Dialect, is_comment};
 use super::text::{Lines, shown};
 use super::{Format, ReadError, names};
 

@@ -4,12 +4,16 @@
 //! every point, as most are in most files, are left out; the frame of the file, header and records, is kept beside the
 //! points, so that the writer puts them back.
 
+mod file;
+mod laz;
+
+use self::file::File;
 use super::columns::{Column, Columns, Target};
 use super::number::{Number, Source};
 use super::ply::{ByteOrder, Place as Slot};
-use super::{Format, Location, ReadError, ReadOptions, guarded, laz};
-use crate::cloud::las::{self, EXTENDED_HEAD, Extra, HEADER_MIN, Place, Record, at};
-use crate::cloud::{Bytes, Grid, Origin, PointCloud, ScalarType, Survey};
+use super::{Format, Location, ReadError, ReadOptions, guarded};
+use crate::cloud::las::{self, Extra, Place, Record, at};
+use crate::cloud::{Bytes, Origin, PointCloud, ScalarType, Survey};
 
 /// Bytes of records that are kept beside a cloud.
 const KEPT_MAX: usize = 1 << 20;
@@ -48,75 +52,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     file.cloud(records, options)
 }
 
-/// A file as its header and its records tell.
-#[derive(Debug)]
-pub(super) struct File<'a> {
-    format: Format,
-    point_format: u8,
-    pub(super) points: usize,
-    /// Bytes of a point.
-    pub(super) record: usize,
-    /// Offset of the first point.
-    pub(super) body: usize,
-    /// Of x, y and z.
-    grids: [Grid; 3],
-    header: &'a [u8],
-    pub(super) records: Vec<Record<'a>>,
-    extended: Vec<Record<'a>>,
-}
-
-impl<'a> File<'a> {
-    pub(super) fn parse(bytes: &'a [u8], format: Format) -> Result<Self, ReadError> {
-        let refuse = |byte: usize, message: String| Err(ReadError::byte(format, byte, message));
-        if !bytes.starts_with(b"LASF") {
-            return refuse(0, "the file does not begin with LASF".to_owned());
-        }
-        let Some(header) = las::Header::parse(bytes) else {
-            let message = format!("the header has {HEADER_MIN} bytes at least");
-            return Err(ReadError::Truncated { format, location: Location::Byte(bytes.len()), message });
-        };
-        let Some(least) = las::record_bytes(header.point_format) else {
-            let message = format!("point format {} does not exist; 0 to 10 do", header.point_format);
-            return refuse(at::POINT_FORMAT, message);
-        };
-        if header.record < least {
-            let message = format!(
-                "points of format {} have {least} bytes, {} are announced",
-                header.point_format, header.record
-            );
-            return refuse(at::RECORD_LENGTH, message);
-        }
-        if header.grids.iter().any(|grid| !grid.scale.is_normal() || !grid.offset.is_finite()) {
-            return refuse(
-                at::SCALE,
-                "a scale or an offset of the coordinates is zero or not finite".to_owned(),
-            );
-        }
-        let mut records = Vec::new();
-        let mut place = header.size;
-        for index in 0..header.records {
-            // Each is cut from bytes that are there, so that the loop ends with them.
-            let Some(record) = bytes.get(place..).and_then(Record::first) else {
-                let message =
-                    format!("record {index} of the {} of variable length is incomplete", header.records);
-                return refuse(place, message);
-            };
-            place += record.bytes.len();
-            records.push(record);
-        }
-        Ok(Self {
-            format,
-            point_format: header.point_format,
-            points: usize::try_from(header.points).unwrap_or(usize::MAX),
-            record: header.record,
-            body: header.body,
-            grids: header.grids,
-            header: bytes.get(..header.size).unwrap_or_default(),
-            records,
-            extended: extended(bytes, &header),
-        })
-    }
-
+impl File<'_> {
     fn cloud(&self, records: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
         let (layout, extra) = self.layout();
         let mut layout = layout;
@@ -163,7 +99,7 @@ impl<'a> File<'a> {
         let range = place.offset..place.offset + place.stored.size();
         let mask = if place.mask == 0 { u8::MAX } else { place.mask << place.shift };
         let is_zero = |record: &[u8]| record[range.clone()].iter().all(|&byte| byte & mask == 0);
-        // A number that is not 0 for bytes of 0 is no unused one.
+        // An offset makes a number other than 0 of bytes that are 0.
         let stands_for_zero = place.scaled.is_none_or(|(_, offset)| offset == 0.0);
         stands_for_zero && records.chunks_exact(self.record).all(is_zero)
     }
@@ -212,24 +148,6 @@ impl<'a> File<'a> {
         }
         Origin { notes, survey: Some(Survey { header: Bytes(self.header.to_vec()), records, extended }) }
     }
-
-    /// [`ReadError::Malformed`] at a byte of this file.
-    pub(super) fn refuse(&self, byte: usize, message: impl Into<String>) -> ReadError {
-        ReadError::byte(self.format, byte, message)
-    }
-}
-
-/// The extended records that are whole: they stand behind the points, and no point depends on them.
-fn extended<'a>(bytes: &'a [u8], header: &las::Header) -> Vec<Record<'a>> {
-    let mut records = Vec::new();
-    let mut place = usize::try_from(header.extended_at).unwrap_or(usize::MAX);
-    let possible = bytes.len() / EXTENDED_HEAD;
-    for _ in 0..(header.extended as usize).min(possible) {
-        let Some(record) = bytes.get(place..).and_then(Record::first_extended) else { break };
-        place += record.bytes.len();
-        records.push(record);
-    }
-    records
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! LZF, the compression of Marc Lehmann's `liblzf` that PCD uses.
 //!
-//! Written here: the crate `lzf` allocates what it is told before it looks at a byte, and has `unsafe` in it.
+//! Written here: the crate `lzf` allocates the announced length before it looks at a byte, and has `unsafe` in it.
 //! A control byte below 32 announces as many literal bytes and one more; any other begins a reference back: three
 //! bits of length (7: another byte follows), 13 bits of distance.
 

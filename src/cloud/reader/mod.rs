@@ -6,6 +6,7 @@ mod colmap;
 mod columns;
 mod container;
 mod csv;
+mod dialect;
 mod e57;
 mod error;
 mod foreign;
@@ -13,7 +14,6 @@ mod format;
 mod guard;
 mod heading;
 mod las;
-mod laz;
 mod lzf;
 mod names;
 mod npy;
@@ -24,6 +24,7 @@ mod pcd;
 mod ply;
 mod polygons;
 mod ptx;
+mod sniff;
 mod stl;
 mod table;
 mod text;
@@ -100,7 +101,7 @@ arguments! {
         /// What to do with rows that have a NaN or infinite coordinate: refuse the cloud, or keep the rows without a
         /// result.
         nonfinite: NonFinite = word(NonFinite), default NonFinite::Reject;
-        /// For tables (XYZ, CSV, NPY): the first so many columns are coordinates, the others fields.
+        /// For tables (XYZ, CSV, NPY): this number of columns are coordinates, those behind them fields.
         coordinates: Option<usize> = integer(1, DIMENSION_MAX), absent "3 or all columns, by format";
         /// For files of several scans (E57, PTX): which one, counting from 0.
         scan: Option<usize> = integer(0, usize::MAX), absent "all of them";
@@ -120,7 +121,7 @@ impl ReadRequest {
 pub struct ReadOptions {
     /// What to do with non-finite coordinates.
     pub policy: NonFinite,
-    /// For tables (XYZ, CSV, NPY): the first so many columns are the coordinates, the others fields.
+    /// For tables (XYZ, CSV, NPY): this number of columns are coordinates, those behind them fields.
     pub dimension: Option<usize>,
     /// For files of several scans (E57, PTX): which one, counting from 0; all of them when nothing is said.
     pub scan: Option<usize>,
@@ -128,12 +129,12 @@ pub struct ReadOptions {
     pub limits: Limits,
 }
 
-/// Bytes of memory that any file may take, beside so many times its size.
+/// Bytes of memory that any file may take, beside this multiple of its size.
 const MEMORY_BYTES: usize = 64 << 20;
 const MEMORY_TIMES: usize = 4;
 
 impl ReadOptions {
-    /// The same for a file that comes to so many bytes, unpacked: numbers as doubles are wider than most in files, and a
+    /// The same for a file of `bytes` bytes, unpacked: numbers as doubles are wider than most in files, and a
     /// file of the narrowest is not to fill the memory.
     fn for_bytes(&self, bytes: usize) -> Self {
         let memory_max = bytes.saturating_mul(MEMORY_TIMES).saturating_add(MEMORY_BYTES);

@@ -1,4 +1,4 @@
-//! Which columns of a table are coordinates, told by the names that programs give them.
+//! Finds the columns that are coordinates by the names that programs give them.
 
 use super::columns::axis;
 
@@ -106,7 +106,7 @@ pub(super) fn axes(names: &[String]) -> Option<Axes> {
         }
         if family == Family::Degrees {
             note = Some(
-                "longitude and latitude were taken as x and y as they are; degrees are no lengths, project them first"
+                "longitude and latitude were taken as x and y as they are; degrees are not lengths, project them first"
                     .to_owned(),
             );
         }

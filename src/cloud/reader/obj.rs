@@ -1,4 +1,4 @@
-//! Wavefront OBJ: `v` and `f` lines; what else there is is passed over and told of.
+//! Wavefront OBJ: `v` and `f` lines; a note tells of all others, which are passed over.
 //!
 //! Written here and not taken from a crate: the OBJ crates at hand renumber vertices (they merge, split per
 //! texture coordinate, or drop those without a face), and row i of the cloud must be vertex i of the file.

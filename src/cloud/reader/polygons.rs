@@ -21,13 +21,13 @@ pub(super) struct Triangles {
 }
 
 impl Triangles {
-    /// None yet, beside points that take so many bytes of memory.
+    /// None yet, beside points that take `bytes` of memory.
     pub(super) fn new(limits: &Limits, points_bytes: Option<usize>) -> Self {
         let points_bytes = points_bytes.unwrap_or(usize::MAX);
         Self { list: Vec::new(), continued: Vec::new(), left_out: 0, limits: *limits, points_bytes }
     }
 
-    /// Refuses a list of so many corners before it is read: as indices, and as the triangles that it becomes.
+    /// Refuses a list of too many corners before it is read: as indices, and as the triangles that it becomes.
     pub(super) fn room_for(&self, corners: usize) -> Result<(), ReadError> {
         let each = corners.checked_mul(2).and_then(|more| self.list.len().checked_add(more));
         let bytes = each.and_then(|each| each.checked_mul(BYTES_EACH)?.checked_add(self.points_bytes));

@@ -186,7 +186,7 @@ pub(super) fn shown(word: &[u8]) -> String {
     format!("`{shown}`")
 }
 
-/// The text of a file in UTF-16, told by its byte order mark or by zeros in every other byte; `None` for other files.
+/// The text of a file in UTF-16, recognized by its byte order mark or by zeros in every other byte; `None` for other files.
 pub(super) fn from_utf16(bytes: &[u8]) -> Option<Vec<u8>> {
     type Unit = fn([u8; 2]) -> u16;
     let is_zero_at = |offset: usize| {

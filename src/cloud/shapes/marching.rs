@@ -42,7 +42,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// A grid with so many cells along x.
+    /// A grid with `cells` cells along x.
     fn new(cells: f64) -> Self {
         let half = half_extent();
         let side = 2.0 * half[0] / cells;

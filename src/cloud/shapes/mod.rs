@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 
 use self::chart::Chart;
 use super::{CloudError, NonFinite, PointCloud};
+use crate::arguments::words;
 
 /// Most points that are drawn.
 pub const POINTS_MAX: usize = 10_000_000;
@@ -19,65 +20,32 @@ pub const POINTS_MAX: usize = 10_000_000;
 /// Largest ratio of densities of [`Sampling::NonUniform`].
 pub const DENSITY_RATIO: f64 = 10.0;
 
-/// A surface, or for the last a 3-manifold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Shape {
-    /// Unit sphere.
-    Sphere,
-    /// Semi-axes 1, 0.8 and 0.6.
-    Ellipsoid,
-    /// Unit sphere with every point p moved to p·(1 + 0.15 sin 4x cos 3y + 0.1 cos(5z+2x)).
-    BumpySphere,
-    /// Around the z-axis: radius 1 to the middle of the tube, 0.4 of the tube.
-    Torus,
-    /// Open cylinder around the z-axis: radius 1, height 2.
-    Cylinder,
-    /// Unit square, folded along its middle by the request's angle.
-    Square,
-    /// (x²(1−x²)−y²)² + z² = 0.15²: closed, genus 2.
-    TwoHoleTorus,
-    /// (cos u, sin u, cos v, sin v) in R⁴ [PCD Table 1].
-    FlatTorus4,
-    /// (cos u, sin u, cos v, sin v, cos w, sin w) in R⁶, of intrinsic dimension 3 [PCD Table 1].
-    FlatTorus6,
+words! {
+    /// A surface, or for the last a 3-manifold.
+    #[non_exhaustive]
+    pub enum Shape {
+        /// Unit sphere.
+        Sphere,
+        /// Semi-axes 1, 0.8 and 0.6.
+        Ellipsoid,
+        /// Unit sphere with every point p moved to p·(1 + 0.15 sin 4x cos 3y + 0.1 cos(5z+2x)).
+        BumpySphere,
+        /// Around the z-axis: radius 1 to the middle of the tube, 0.4 of the tube.
+        Torus,
+        /// Open cylinder around the z-axis: radius 1, height 2.
+        Cylinder,
+        /// Unit square, folded along its middle by the request's angle.
+        Square,
+        /// (x²(1−x²)−y²)² + z² = 0.15²: closed, genus 2.
+        TwoHoleTorus,
+        /// (cos u, sin u, cos v, sin v) in R⁴ [PCD Table 1].
+        FlatTorus4 = "flat-torus-4",
+        /// (cos u, sin u, cos v, sin v, cos w, sin w) in R⁶, of intrinsic dimension 3 [PCD Table 1].
+        FlatTorus6 = "flat-torus-6",
+    }
 }
 
 impl Shape {
-    /// All shapes.
-    pub const ALL: [Self; 9] = [
-        Self::Sphere,
-        Self::Ellipsoid,
-        Self::BumpySphere,
-        Self::Torus,
-        Self::Cylinder,
-        Self::Square,
-        Self::TwoHoleTorus,
-        Self::FlatTorus4,
-        Self::FlatTorus6,
-    ];
-
-    /// Name on the command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Sphere => "sphere",
-            Self::Ellipsoid => "ellipsoid",
-            Self::BumpySphere => "bumpy-sphere",
-            Self::Torus => "torus",
-            Self::Cylinder => "cylinder",
-            Self::Square => "square",
-            Self::TwoHoleTorus => "two-hole-torus",
-            Self::FlatTorus4 => "flat-torus-4",
-            Self::FlatTorus6 => "flat-torus-6",
-        }
-    }
-
-    /// The shape with this [`Self::name`].
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|shape| shape.name() == name)
-    }
-
     /// Dimension of the manifold.
     #[must_use]
     pub const fn intrinsic_dimension(self) -> usize {
@@ -112,41 +80,22 @@ impl Shape {
     }
 }
 
-/// How points are spread over a shape.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Sampling {
-    /// Well spaced, with equal density by area: a golden lattice, or darts with a least distance on the
-    /// two-hole torus. On the bumpy sphere, a golden lattice of the sphere, moved.
-    #[default]
-    Uniform,
-    /// Independent, with equal density by area.
-    Iid,
-    /// Independent, with a density that grows exponentially along x, tenfold over the shape.
-    NonUniform,
-    /// The nodes of a parameter grid, with faces (none on the 3-manifold). Their number is that of the grid
-    /// nearest to the wanted number.
-    Grid,
-}
-
-impl Sampling {
-    /// All ways.
-    pub const ALL: [Self; 4] = [Self::Uniform, Self::Iid, Self::NonUniform, Self::Grid];
-
-    /// Name on the command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Uniform => "uniform",
-            Self::Iid => "iid",
-            Self::NonUniform => "nonuniform",
-            Self::Grid => "grid",
-        }
-    }
-
-    /// The way with this [`Self::name`].
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|sampling| sampling.name() == name)
+words! {
+    /// How points are spread over a shape.
+    #[derive(Default)]
+    #[non_exhaustive]
+    pub enum Sampling {
+        /// Well spaced, with equal density by area: a golden lattice, or darts with a least distance on the
+        /// two-hole torus. On the bumpy sphere, a golden lattice of the sphere, moved.
+        #[default]
+        Uniform,
+        /// Independent, with equal density by area.
+        Iid,
+        /// Independent, with a density that grows exponentially along x, tenfold over the shape.
+        NonUniform = "nonuniform",
+        /// The nodes of a parameter grid, with faces (none on the 3-manifold). Their number is that of the grid
+        /// nearest to the wanted number.
+        Grid,
     }
 }
 

@@ -38,7 +38,7 @@ const CHUNK_ROWS: usize = 4096;
 /// not among [`Format::WRITTEN`].
 pub fn write(cloud: &PointCloud, format: Format, out: &mut impl Write) -> io::Result<()> {
     match format {
-        Format::Ply => write_ply(cloud, PlyEncoding::BinaryLittleEndian, out),
+        Format::Ply => write_ply(cloud, PlyEncoding::Binary, out),
         Format::Obj => text::write_obj(cloud, out),
         Format::Off => text::write_off(cloud, out),
         Format::Xyz => text::write_table(cloud, text::Table::Xyz, out),

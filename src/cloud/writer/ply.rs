@@ -8,19 +8,22 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use super::{CHUNK_ROWS, Column, axis_name, encode_rows, push_number};
+use crate::arguments::words;
 use crate::cloud::{PointCloud, ScalarType};
 
 /// Bytes of a triangle in binary: its number of corners and three indices.
 pub const FACE_BYTES: usize = 13;
 
-/// How the body is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum PlyEncoding {
-    /// Rows of a fixed number of bytes.
-    #[default]
-    BinaryLittleEndian,
-    /// A line per row.
-    Ascii,
+words! {
+    /// How the body of a PLY file is written.
+    #[derive(Default)]
+    pub enum PlyEncoding {
+        /// Rows of a fixed number of bytes, the lowest first.
+        #[default]
+        Binary,
+        /// A line per row.
+        Ascii,
+    }
 }
 
 /// What a file will hold.
@@ -39,7 +42,7 @@ pub struct PlyHeader {
 /// Header of a binary file with these scalars per point.
 #[must_use]
 pub fn ply_header(properties: &[(String, ScalarType)], points: usize, faces: usize) -> Vec<u8> {
-    let encoding = PlyEncoding::BinaryLittleEndian;
+    let encoding = PlyEncoding::Binary;
     PlyHeader { encoding, points, properties: properties.to_vec(), faces }.to_bytes()
 }
 
@@ -84,7 +87,7 @@ impl PlyHeader {
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let encoding = match self.encoding {
-            PlyEncoding::BinaryLittleEndian => "binary_little_endian",
+            PlyEncoding::Binary => "binary_little_endian",
             PlyEncoding::Ascii => "ascii",
         };
         let mut text = format!("ply\nformat {encoding} 1.0\nelement vertex {}\n", self.points);
@@ -112,14 +115,14 @@ impl PlyHeader {
     #[must_use]
     pub fn file_len(&self) -> Option<u64> {
         let body = self.points as u64 * self.stride() as u64 + (self.faces * FACE_BYTES) as u64;
-        (self.encoding == PlyEncoding::BinaryLittleEndian).then(|| self.to_bytes().len() as u64 + body)
+        (self.encoding == PlyEncoding::Binary).then(|| self.to_bytes().len() as u64 + body)
     }
 
     /// Encodes some rows; there is a column for every property, of its type.
     #[must_use]
     pub fn encode_rows(&self, columns: &[Column<'_>], rows: usize) -> Vec<u8> {
         match self.encoding {
-            PlyEncoding::BinaryLittleEndian => encode_rows(columns, rows),
+            PlyEncoding::Binary => encode_rows(columns, rows),
             PlyEncoding::Ascii => encode_lines(columns, rows),
         }
     }
@@ -153,7 +156,7 @@ pub fn encode_faces(faces: &[[u32; 3]], encoding: PlyEncoding) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(faces.len() * FACE_BYTES);
     for face in faces {
         match encoding {
-            PlyEncoding::BinaryLittleEndian => {
+            PlyEncoding::Binary => {
                 bytes.push(3);
                 bytes.extend(face.iter().flat_map(|corner| corner.to_le_bytes()));
             }

@@ -35,7 +35,7 @@ fn renamed(cloud: &PointCloud) -> Vec<ScalarField> {
 #[test]
 fn ply_is_read_back_exactly_in_both_encodings() {
     for dimension in [3, 5] {
-        for encoding in [PlyEncoding::BinaryLittleEndian, PlyEncoding::Ascii] {
+        for encoding in [PlyEncoding::Binary, PlyEncoding::Ascii] {
             let cloud = cloud(dimension);
             let mut bytes = Vec::new();
             write_ply(&cloud, encoding, &mut bytes).unwrap();
@@ -51,7 +51,7 @@ fn ply_is_read_back_exactly_in_both_encodings() {
 #[test]
 fn a_plane_is_written_into_space() {
     let cloud = PointCloud::new(2, vec![1.0, 2.0, 3.0, 4.0], NonFinite::Reject).unwrap();
-    for encoding in [PlyEncoding::BinaryLittleEndian, PlyEncoding::Ascii] {
+    for encoding in [PlyEncoding::Binary, PlyEncoding::Ascii] {
         let mut bytes = Vec::new();
         write_ply(&cloud, encoding, &mut bytes).unwrap();
         let back = read(&bytes, Format::Ply, &ReadOptions::default()).unwrap();
@@ -63,8 +63,8 @@ fn a_plane_is_written_into_space() {
 fn the_length_of_a_binary_ply_is_known_before_it_is_written() {
     let cloud = cloud(3);
     let mut bytes = Vec::new();
-    write_ply(&cloud, PlyEncoding::BinaryLittleEndian, &mut bytes).unwrap();
-    let header = PlyHeader::of(&cloud, PlyEncoding::BinaryLittleEndian);
+    write_ply(&cloud, PlyEncoding::Binary, &mut bytes).unwrap();
+    let header = PlyHeader::of(&cloud, PlyEncoding::Binary);
     assert_eq!(header.file_len(), Some(bytes.len() as u64));
     let start = header.to_bytes().len() + 17 * header.stride();
     let rows = header.encode_rows(&ply_columns(&cloud, 17), 2);
@@ -96,7 +96,7 @@ fn another_ply_reader_finds_the_same_points_and_faces() {
     use ply_rs_bw::ply::{DefaultElement, Property};
     let cloud = cloud(3);
     let mut bytes = Vec::new();
-    write_ply(&cloud, PlyEncoding::BinaryLittleEndian, &mut bytes).unwrap();
+    write_ply(&cloud, PlyEncoding::Binary, &mut bytes).unwrap();
     let ply = ply_rs_bw::parser::Parser::<DefaultElement>::new().read_ply(&mut &bytes[..]).unwrap();
     let (vertices, faces) = (&ply.payload["vertex"], &ply.payload["face"]);
     assert_eq!((vertices.len(), faces.len()), (cloud.len(), cloud.faces().len()));
@@ -112,7 +112,7 @@ fn another_ply_reader_finds_the_same_points_and_faces() {
 fn values_outside_an_integer_type_are_brought_into_its_range() {
     let cloud = PointCloud::new(3, vec![0.0; 12], NonFinite::Reject).unwrap();
     let values = [300.0, -1.0, 1.6, f64::NAN];
-    for encoding in [PlyEncoding::BinaryLittleEndian, PlyEncoding::Ascii] {
+    for encoding in [PlyEncoding::Binary, PlyEncoding::Ascii] {
         let header = PlyHeader::of(&cloud, encoding).with_property("red", ScalarType::Uint8);
         let bytes =
             [header.to_bytes(), header.encode_rows(&with(&cloud, &values, ScalarType::Uint8), 4)].concat();

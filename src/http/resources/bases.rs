@@ -8,7 +8,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::bases_files::Selection;
-use crate::arguments::arguments;
+use crate::arguments::{arguments, words};
 use crate::cloud::ScalarType;
 use crate::http::results::offered::offered;
 use crate::http::results::request::ResultRequest;
@@ -16,14 +16,14 @@ use crate::http::wire::accept::{CSV, JSON, NPY, NPZ, PLY};
 use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::problem_sets::{RangeProblem, ResultProblems};
 
-/// Type of numbers in files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
-#[strum(serialize_all = "lowercase")]
-pub(crate) enum Precision {
-    /// Eight bytes.
-    F64,
-    /// Four bytes.
-    F32,
+words! {
+    /// Type of numbers in files.
+    pub(crate) enum Precision {
+        /// Eight bytes.
+        F64,
+        /// Four bytes.
+        F32,
+    }
 }
 
 /// Bytes of a number in memory, and as JSON text.

@@ -6,7 +6,6 @@ use axum::Json;
 use axum::extract::State;
 use serde::Serialize;
 use serde_json::Value;
-use strum::VariantNames;
 use utoipa::ToSchema;
 
 use super::{
@@ -38,7 +37,7 @@ pub(crate) struct Capabilities {
     upload_parameters: Vec<ParameterView>,
     /// Filters by name.
     filters: Vec<&'static str>,
-    /// Results of jobs by name: what they can be had as, and what may be asked of them.
+    /// Results of jobs by name: their formats and parameters.
     results: BTreeMap<&'static str, ResultView>,
     /// Limits.
     limits: LimitsView,
@@ -142,9 +141,9 @@ pub(crate) struct LimitsView {
     memory_budget_bytes: u64,
     /// Bytes that stay free on the disk.
     disk_floor_bytes: u64,
-    /// Days that jobs are kept after their end; null for ever.
+    /// Days after their end at which jobs are deleted; null keeps them.
     keep_jobs_days: Option<u64>,
-    /// Days that clouds without jobs are kept; null for ever.
+    /// Days after their upload at which clouds without jobs are deleted; null keeps them.
     keep_clouds_days: Option<u64>,
     /// Bytes of bases as JSON; more is to be had as npy.
     json_bytes: u64,
@@ -219,9 +218,9 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
             points: offered(points::ReadPoints::OFFERS),
             bases: offered(bases::ReadBases::OFFERS),
         },
-        operators: OperatorKind::ALL.iter().map(|kind| kind.name()).collect(),
+        operators: OperatorKind::ALL.map(OperatorKind::name).to_vec(),
         parameters: submission::narrowed(limits.bases_max).iter().map(ParameterView::from).collect(),
-        filters: FilterKind::VARIANTS.to_vec(),
+        filters: FilterKind::ALL.map(FilterKind::name).to_vec(),
         results: results(),
         upload_parameters: parameters::<submission::ReadUpload>(),
         limits: limits.into(),

@@ -132,7 +132,7 @@ pub(crate) async fn of_posted(
     answer(&request, harmonics, given, found, told, tag).await
 }
 
-/// What is told beside coefficients.
+/// What accompanies coefficients.
 struct Told {
     rows_without_result: usize,
     omitted: BTreeMap<String, String>,

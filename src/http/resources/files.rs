@@ -59,3 +59,16 @@ where
     named.push((name, R::OFFERS));
     (router, named)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::http::resources::jobs::EIGEN_RESULTS;
+
+    #[test]
+    fn every_result_that_a_job_links_to_has_files() {
+        let named: Vec<_> = named().into_iter().map(|(name, _)| name).collect();
+        let linked: Vec<_> = named.iter().copied().filter(|&name| name != "operator").collect();
+        assert_eq!(linked, EIGEN_RESULTS);
+    }
+}

@@ -9,14 +9,14 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::arguments::{arguments, groups};
-use crate::cloud::writer::{Column, encode_rows, npy_header};
+use crate::cloud::writer::{Column, PlyEncoding, encode_rows, npy_header};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::collapse::collapse;
 use crate::harmonics::filtered::rows as rows_of;
 use crate::harmonics::filtered::{Change, Named, Target};
 use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Bands, Filter, Transfer};
-use crate::http::results::cloud_file::{self, Encoding, Ply, Rows, Unplaced};
+use crate::http::results::cloud_file::{self, Ply, Rows, Unplaced};
 use crate::http::results::functions::{self, NumberLists, of_own};
 use crate::http::results::offered::{Resource, offered};
 use crate::http::results::request::{self, Harmonics, ResultRequest};
@@ -290,7 +290,7 @@ fn picture(cloud: &PointCloud, target: &Target, view: &View, description: &str) 
 fn file(
     cloud: &PointCloud,
     offer: Offer,
-    encoding: Encoding,
+    encoding: PlyEncoding,
     (head, description): (&Filtered, &str),
     wanted: &Wanted,
 ) -> Result<Vec<u8>, Problem> {

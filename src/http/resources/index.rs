@@ -50,7 +50,7 @@ pub(crate) async fn index(
     headers: HeaderMap,
     extensions: Extensions,
 ) -> Result<Response, Problem> {
-    // Who accepts neither is told what there is all the same.
+    // A client that accepts neither gets the list all the same.
     let mut response = if accept::choose(None, &headers, &[JSON, HTML]).is_ok_and(|offer| offer == HTML) {
         let owner = service.keys.is_none().then(|| owners::owner(&extensions));
         page::page(&service, owner.as_ref(), &uri).await?

@@ -17,7 +17,7 @@ use crate::http::wire::problem::{Problem, ProblemDocument};
 use crate::metrics::{self, Gauges, Metrics};
 use crate::store::JobState;
 
-/// All states, so that one without jobs is told as 0.
+/// All states, so that one without jobs is reported as 0.
 const STATES: [JobState; 5] =
     [JobState::Queued, JobState::Running, JobState::Succeeded, JobState::Failed, JobState::Canceled];
 

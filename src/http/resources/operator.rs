@@ -8,7 +8,7 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::analysis::{JobKind, Report, SparseMatrix};
-use crate::arguments::arguments;
+use crate::arguments::{arguments, words};
 use crate::http::results::matrix;
 use crate::http::results::offered::offered;
 use crate::http::results::request::{self, ResultRequest};
@@ -17,14 +17,14 @@ use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::ResultProblems;
 use crate::store::JobRecord;
 
-/// A matrix of `L = B⁻¹Q`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
-#[strum(serialize_all = "lowercase")]
-pub(crate) enum Matrix {
-    /// Minus the stiffness.
-    Q,
-    /// The mass.
-    B,
+words! {
+    /// A matrix of `L = B⁻¹Q`.
+    pub(crate) enum Matrix {
+        /// Minus the stiffness.
+        Q,
+        /// The mass.
+        B,
+    }
 }
 
 arguments! {

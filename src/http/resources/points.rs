@@ -9,10 +9,10 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::arguments::groups;
-use crate::cloud::writer::{encode_rows, ply_columns, ply_properties};
+use crate::cloud::writer::{PlyEncoding, encode_rows, ply_columns, ply_properties};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::http::notation::parse_id;
-use crate::http::results::cloud_file::{self, Encoding, Ply, Rows, Unplaced};
+use crate::http::results::cloud_file::{self, Ply, Rows, Unplaced};
 use crate::http::results::offered::{Offered, Resource, offered};
 use crate::http::results::request;
 use crate::http::results::rows::{npy_layout, ply_layout};
@@ -85,7 +85,7 @@ pub(crate) async fn points(
     let id = parse_id(&id)?;
     let ReadPoints { ply: Ply { encoding }, rows, view } = arguments;
     let omits = rows.nonfinite == Unplaced::Omit;
-    let is_streamed = offer == NPY || (offer == PLY && encoding == Encoding::Binary);
+    let is_streamed = offer == NPY || (offer == PLY && encoding == PlyEncoding::Binary);
     let tag = if is_streamed {
         request::tag(id, &omits)
     } else {

@@ -38,7 +38,7 @@ pub(crate) struct SimilarityView {
     clouds: [Uuid; 2],
     /// Areas of the two, the sums of their cells, in length².
     areas: [f64; 2],
-    /// Whether the same shape in two sizes is told apart.
+    /// Whether two sizes of one shape are distinguished.
     sized: bool,
     /// What to know before trusting the number.
     warnings: Vec<String>,

@@ -9,8 +9,8 @@ use uuid::Uuid;
 
 use crate::analysis::Report;
 use crate::arguments::arguments;
+use crate::harmonics::Modes;
 use crate::harmonics::invariants::{self, Invariants};
-use crate::harmonics::{Modes, heat_trace};
 use crate::http::results::offered::offered;
 use crate::http::results::request::{self, ResultRequest};
 use crate::http::wire::accept::{CSV, JSON, SVG};
@@ -36,7 +36,7 @@ pub(crate) struct SpectrumView {
     job_id: Uuid,
     /// The cloud it analyzed.
     cloud_id: Uuid,
-    /// Area of the surface, measured in two ways.
+    /// The areas of `invariants` by the names that version 0.1 gave them.
     area: AreaView,
     /// What the spectrum says of the whole surface; null for curves, volumes and combinatorial operators.
     invariants: Option<Invariants>,
@@ -50,28 +50,15 @@ pub(crate) struct SpectrumView {
 pub(crate) struct AreaView {
     /// Sum of the Voronoi cells.
     cells: Option<f64>,
-    /// From the heat trace of the eigenvalues of a surface; null for fewer than 10 of them.
+    /// `heat_trace_area` of the invariants.
     heat_trace: Option<f64>,
-    /// Of the heat trace's value: its distance to a fit with another number of terms.
+    /// Its uncertainty.
     uncertainty: Option<f64>,
-}
-
-impl AreaView {
-    fn new(report: Option<&Report>, spectrum: &Spectrum) -> Self {
-        // values from the first absent one on say nothing
-        let known: Vec<f64> = spectrum.eigenvalues.iter().map_while(|&lambda| lambda).collect();
-        let estimate = surface(report).and_then(|report| heat_trace::area(&known, report.sampling.is_open()));
-        Self {
-            cells: report.map(|report| report.sampling.area),
-            heat_trace: estimate.map(|estimate| estimate.area),
-            uncertainty: estimate.map(|estimate| estimate.uncertainty),
-        }
-    }
 }
 
 /// The report of an analysis whose eigenvalues are those of a surface.
 fn surface(report: Option<&Report>) -> Option<&Report> {
-    report.filter(|report| report.dimension == 2 && !report.operator.is_combinatorial())
+    report.filter(|report| report.is_of_surface())
 }
 
 /// Eigenvalues, residuals, clusters and certificates.
@@ -103,10 +90,16 @@ pub(crate) async fn spectrum(request: ResultRequest<ReadSpectrum>) -> Result<Res
 }
 
 fn json(job: &JobRecord, spectrum: Spectrum) -> Result<Vec<u8>, Problem> {
-    let area = AreaView::new(job.report.as_ref(), &spectrum);
-    let measured =
-        job.report.as_ref().map(|report| invariants::measure(&Modes::of(&spectrum), &report.sampling));
-    let view = SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, invariants: measured, spectrum };
+    let report = job.report.as_ref();
+    let invariants =
+        surface(report).map(|report| invariants::measure(&Modes::of(&spectrum), &report.sampling));
+    let traced = invariants.as_ref().and_then(|invariants| invariants.heat_trace_area);
+    let area = AreaView {
+        cells: report.map(|report| report.sampling.area),
+        heat_trace: traced.map(|traced| traced.value),
+        uncertainty: traced.map(|traced| traced.uncertainty),
+    };
+    let view = SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, invariants, spectrum };
     serde_json::to_vec(&view).map_err(|error| Problem::internal(&error))
 }
 

@@ -132,6 +132,21 @@ pub(crate) struct Submission {
     links: BTreeMap<&'static str, String>,
 }
 
+/// The answers to an upload, declared once for the OpenAPI document.
+#[derive(utoipa::IntoResponses)]
+#[allow(dead_code)] // handlers answer with `Submission` itself
+pub(crate) enum Uploaded {
+    /// Stored and queued.
+    #[response(status = 202, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds.")))]
+    Queued(Submission),
+    /// The same analysis of the same cloud is there already.
+    #[response(status = 200)]
+    Known(Submission),
+    /// Stored only (`analyze=false`).
+    #[response(status = 201, headers(("Location" = String, description = "The cloud.")))]
+    Stored(Submission),
+}
+
 /// A form whose first file is the cloud.
 #[derive(Debug, ToSchema)]
 #[allow(dead_code)] // names the request body in the OpenAPI document
@@ -152,9 +167,7 @@ pub(crate) struct CloudForm {
     params(FromQuery<SubmitCloud>, IdempotencyKey),
     request_body(content((String = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
-        (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
-        (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
-        (status = 201, description = "Stored only (`analyze=false`).", body = Submission, headers(("Location" = String, description = "The cloud."))),
+        Uploaded,
         UploadProblems,
     )
 )]
@@ -175,9 +188,7 @@ pub(crate) async fn post_cloud(
     params(FromQuery<SubmitCloud>, IdempotencyKey),
     request_body(content((String = "application/octet-stream"), (CloudForm = "multipart/form-data")), description = "The file."),
     responses(
-        (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
-        (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
-        (status = 201, description = "Stored only (`analyze=false`).", body = Submission, headers(("Location" = String, description = "The cloud."))),
+        Uploaded,
         UploadProblems,
     )
 )]
@@ -200,9 +211,7 @@ pub(crate) async fn put_cloud(
     params(("id" = String, Path, description = "The file's name."), FromQuery<SubmitCloud>, IdempotencyKey),
     request_body(content((String = "application/octet-stream")), description = "The file."),
     responses(
-        (status = 202, description = "Stored and queued.", body = Submission, headers(("Location" = String, description = "The job."), ("Retry-After" = u64, description = "Seconds."))),
-        (status = 200, description = "The same analysis of the same cloud is there already.", body = Submission),
-        (status = 201, description = "Stored only (`analyze=false`).", body = Submission, headers(("Location" = String, description = "The cloud."))),
+        Uploaded,
         UploadProblems,
     )
 )]

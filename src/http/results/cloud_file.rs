@@ -2,7 +2,7 @@
 
 use std::io;
 
-use crate::arguments::arguments;
+use crate::arguments::{arguments, words};
 use crate::cloud::PointCloud;
 use crate::cloud::reader::Format;
 use crate::cloud::writer::{PlyEncoding, write, write_annotated_ply, write_npz};
@@ -11,14 +11,14 @@ use crate::http::wire::download::unwritten;
 use crate::http::wire::problem::{Kind, Problem};
 use crate::jobs::Wanted;
 
-/// What becomes of rows without a position.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::EnumString, strum::IntoStaticStr, strum::VariantNames)]
-#[strum(serialize_all = "lowercase")]
-pub(crate) enum Unplaced {
-    /// They stay, row for row as uploaded.
-    Keep,
-    /// They are left out.
-    Omit,
+words! {
+    /// What becomes of rows without a position.
+    pub(crate) enum Unplaced {
+        /// They stay, row for row as uploaded.
+        Keep,
+        /// They are left out.
+        Omit,
+    }
 }
 
 arguments! {
@@ -36,48 +36,18 @@ arguments! {
     #[derive(Debug, Clone, Copy)]
     pub(crate) struct Ply {
         /// Encoding of ply.
-        encoding: Encoding = word(Encoding), default Encoding::Binary;
+        encoding: PlyEncoding = word(PlyEncoding), default PlyEncoding::Binary;
     }
 }
 
-/// An encoding of PLY.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    serde::Serialize,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[strum(serialize_all = "lowercase")]
-pub(crate) enum Encoding {
-    /// Little-endian.
-    Binary,
-    /// Text.
-    Ascii,
-}
-
-impl Encoding {
-    fn of_ply(self) -> PlyEncoding {
-        match self {
-            Self::Binary => PlyEncoding::BinaryLittleEndian,
-            Self::Ascii => PlyEncoding::Ascii,
-        }
-    }
-}
-
-/// Writes a cloud with all its fields as NPZ, CSV, XYZ, LAS or LAZ; otherwise as PLY with comments.
-/// Writes a cloud in a format of clouds; as PLY with comments.
+/// Writes a cloud in a format of clouds with all its fields; PLY with comments.
 ///
 /// # Errors
 /// A problem when the format cannot hold this cloud.
 pub(crate) fn encode(
     cloud: &PointCloud,
     offer: Offer,
-    encoding: Encoding,
+    encoding: PlyEncoding,
     comments: &[String],
     wanted: &Wanted,
 ) -> Result<Vec<u8>, Problem> {
@@ -85,7 +55,7 @@ pub(crate) fn encode(
     let mut out = wanted.writer(&mut bytes);
     let written = match offer {
         NPZ => write_npz(cloud, &mut out),
-        PLY => write_annotated_ply(cloud, encoding.of_ply(), comments, &mut out),
+        PLY => write_annotated_ply(cloud, encoding, comments, &mut out),
         other => match Format::from_name(other.name) {
             Some(format) => write(cloud, format, &mut out),
             None => return Err(Problem::internal(&format!("{} is not a format of clouds", other.name))),

@@ -4,7 +4,7 @@ use crate::arguments::{Absent, Accepts, Argument, Arguments, Value};
 use crate::http::wire::accept::Offer;
 use crate::picture::View;
 
-/// What is asked of a resource that has several formats: its arguments, beside the format.
+/// A request for a resource in several formats: its arguments, and the format.
 pub(crate) trait Resource: Arguments + Send + Sync + 'static {
     /// Formats, the default first.
     const OFFERS: &'static [Offer];

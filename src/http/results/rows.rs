@@ -35,7 +35,7 @@ pub(crate) struct RowLayout {
 }
 
 impl RowLayout {
-    /// The same file, made so many rows at a time.
+    /// The same file, made in blocks of rows.
     #[must_use]
     pub(crate) fn in_chunks_of(self, chunk_rows: usize) -> Self {
         Self { chunk_rows, ..self }
@@ -173,7 +173,7 @@ pub(crate) fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLa
 /// A binary PLY with these properties of every point, and the cloud's faces.
 #[must_use]
 pub(crate) fn ply_layout(cloud: &PointCloud, properties: Vec<(String, ScalarType)>) -> RowLayout {
-    let encoding = PlyEncoding::BinaryLittleEndian;
+    let encoding = PlyEncoding::Binary;
     let header = PlyHeader { encoding, points: cloud.len(), properties, faces: cloud.faces().len() };
     RowLayout {
         header: header.to_bytes(),

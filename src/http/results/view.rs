@@ -9,7 +9,7 @@ const DRAWN_POINT_BYTES: u64 = 96;
 /// Bytes of a pixel: two depths, a color in three numbers, four bytes, and what they are packed into.
 const DRAWN_PIXEL_BYTES: u64 = 32;
 
-/// Bytes of memory that drawing a cloud of so many points takes beside the cloud: discs and their places, depth and color of
+/// Bytes of memory that drawing a cloud takes beside the cloud: discs and their places, depth and color of
 /// every pixel, and the pixels as they are sent.
 pub(crate) fn bytes(view: &View, points: u64) -> u64 {
     points * DRAWN_POINT_BYTES + (view.width * view.height) as u64 * DRAWN_PIXEL_BYTES

@@ -2,24 +2,19 @@
 
 use axum::http::{HeaderMap, header};
 
-/// A compression of answers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Compression {
-    /// RFC 8878.
-    Zstd,
-    /// RFC 1952.
-    Gzip,
+use crate::arguments::words;
+
+words! {
+    /// A compression of answers, as `Content-Encoding` says it.
+    pub(crate) enum Compression {
+        /// RFC 8878.
+        Zstd,
+        /// RFC 1952.
+        Gzip,
+    }
 }
 
 impl Compression {
-    /// As `Content-Encoding` says it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Zstd => "zstd",
-            Self::Gzip => "gzip",
-        }
-    }
-
     /// The one that the client likes best, zstd of equals; `None` where it prefers the bytes as they are, or says nothing
     /// (RFC 9110 §12.5.3).
     pub(crate) fn accepted(headers: &HeaderMap) -> Option<Self> {

@@ -9,6 +9,7 @@ use utoipa::ToSchema;
 
 use super::retry;
 use crate::analysis::AnalysisError;
+use crate::arguments::words;
 use crate::cloud::CloudError;
 use crate::cloud::reader::ReadError;
 use crate::geometry::GeometryError;
@@ -20,173 +21,114 @@ use crate::store::{JobFailure, StoreError};
 /// Media type of a problem.
 pub(crate) const MEDIA_TYPE: &str = "application/problem+json";
 
-/// The kinds of problem; each has a stable `type`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) enum Kind {
-    /// The request cannot be understood: its query, JSON or multipart structure.
-    MalformedRequest,
-    /// The client left before its request was whole.
-    Interrupted,
-    /// The uploaded file does not follow its format.
-    MalformedFile,
-    /// No key, or not one of ours.
-    Unauthorized,
-    /// The request is for another host.
-    HostNotAllowed,
-    /// A page of another origin wants to change something.
-    OriginNotAllowed,
-    /// No such resource.
-    NotFound,
-    /// The resource does not know the method.
-    MethodNotAllowed,
-    /// None of the representations is acceptable.
-    NotAcceptable,
-    /// The body stopped arriving.
-    RequestTimeout,
-    /// The job has no result yet.
-    NotFinished,
-    /// The job failed and will have no result.
-    JobFailed,
-    /// The job was canceled and will have no result.
-    JobCanceled,
-    /// The job has results, but not of this kind.
-    NoSuchResult,
-    /// The cloud has live jobs.
-    CloudInUse,
-    /// Body, points or another size over its limit.
-    TooLarge,
-    /// The format of the upload is unknown.
-    UnsupportedFormat,
-    /// The body is compressed in a way that is not known.
-    UnsupportedEncoding,
-    /// The range lies outside of the result.
-    RangeNotSatisfiable,
-    /// A parameter that does not exist.
-    UnknownParameter,
-    /// A parameter with a value that is not accepted.
-    InvalidParameter,
-    /// A submission's name was given to another one.
-    KeyReused,
-    /// The cloud cannot carry the analysis.
-    UnusableCloud,
-    /// The analysis needs more memory than there is.
-    OverBudget,
-    /// The queue is full.
-    QueueFull,
-    /// The database's disk is full.
-    StorageFull,
-    /// Our fault.
-    Internal,
-    /// Not now: stopping, or the database does not take writes.
-    Unavailable,
+words! {
+    /// The kinds of problem; the word of each is the last part of its stable `type`.
+    pub(crate) enum Kind {
+        /// The request cannot be understood: its query, JSON or multipart structure.
+        MalformedRequest,
+        /// The client left before its request was whole.
+        Interrupted,
+        /// The uploaded file does not follow its format.
+        MalformedFile,
+        /// No key, or not one of ours.
+        Unauthorized,
+        /// The request is for another host.
+        HostNotAllowed,
+        /// A page of another origin wants to change something.
+        OriginNotAllowed,
+        /// No such resource.
+        NotFound,
+        /// The resource does not know the method.
+        MethodNotAllowed,
+        /// None of the representations is acceptable.
+        NotAcceptable,
+        /// The body stopped arriving.
+        RequestTimeout,
+        /// The job has no result yet.
+        NotFinished,
+        /// The job failed and will have no result.
+        JobFailed,
+        /// The job was canceled and will have no result.
+        JobCanceled,
+        /// The job has results, but not of this kind.
+        NoSuchResult,
+        /// The cloud has live jobs.
+        CloudInUse,
+        /// Body, points or another size over its limit.
+        TooLarge,
+        /// The format of the upload is unknown.
+        UnsupportedFormat,
+        /// The body is compressed in a way that is not known.
+        UnsupportedEncoding,
+        /// The range lies outside of the result.
+        RangeNotSatisfiable,
+        /// A parameter that does not exist.
+        UnknownParameter,
+        /// A parameter with a value that is not accepted.
+        InvalidParameter,
+        /// A submission's name was given to another one.
+        KeyReused,
+        /// The cloud cannot carry the analysis.
+        UnusableCloud,
+        /// The analysis needs more memory than there is.
+        OverBudget,
+        /// The queue is full.
+        QueueFull,
+        /// The database's disk is full.
+        StorageFull,
+        /// Our fault.
+        Internal,
+        /// Not now: stopping, or the database does not take writes.
+        Unavailable,
+    }
 }
 
 impl Kind {
-    /// All kinds.
-    pub(crate) const ALL: [Self; 28] = [
-        Self::MalformedRequest,
-        Self::Interrupted,
-        Self::MalformedFile,
-        Self::Unauthorized,
-        Self::HostNotAllowed,
-        Self::OriginNotAllowed,
-        Self::NotFound,
-        Self::MethodNotAllowed,
-        Self::NotAcceptable,
-        Self::RequestTimeout,
-        Self::NotFinished,
-        Self::JobFailed,
-        Self::JobCanceled,
-        Self::NoSuchResult,
-        Self::CloudInUse,
-        Self::TooLarge,
-        Self::UnsupportedFormat,
-        Self::UnsupportedEncoding,
-        Self::RangeNotSatisfiable,
-        Self::UnknownParameter,
-        Self::InvalidParameter,
-        Self::KeyReused,
-        Self::UnusableCloud,
-        Self::OverBudget,
-        Self::QueueFull,
-        Self::StorageFull,
-        Self::Internal,
-        Self::Unavailable,
-    ];
-
-    /// Last part of the `type`.
-    #[must_use]
-    pub(crate) fn name(self) -> &'static str {
-        self.row().0
-    }
-
     /// One phrase, the same for every occurrence.
     #[must_use]
     pub(crate) fn title(self) -> &'static str {
-        self.row().1
+        self.title_and_status().0
     }
 
     /// The status of the answer.
     #[must_use]
     pub(crate) fn status(self) -> StatusCode {
-        self.row().2
+        self.title_and_status().1
     }
 
-    fn row(self) -> (&'static str, &'static str, StatusCode) {
+    fn title_and_status(self) -> (&'static str, StatusCode) {
         use StatusCode as S;
         match self {
-            Self::MalformedRequest => ("malformed-request", "The request is malformed", S::BAD_REQUEST),
-            Self::Interrupted => ("interrupted", "The request ended early", S::BAD_REQUEST),
-            Self::MalformedFile => ("malformed-file", "The file does not follow its format", S::BAD_REQUEST),
-            Self::Unauthorized => ("unauthorized", "A key is needed", S::UNAUTHORIZED),
-            Self::HostNotAllowed => {
-                ("host-not-allowed", "The service does not answer to this host name", S::MISDIRECTED_REQUEST)
-            }
-            Self::OriginNotAllowed => {
-                ("origin-not-allowed", "Pages of this origin may not change anything", S::FORBIDDEN)
-            }
-            Self::NotFound => ("not-found", "There is no such resource", S::NOT_FOUND),
-            Self::MethodNotAllowed => {
-                ("method-not-allowed", "The resource does not support this method", S::METHOD_NOT_ALLOWED)
-            }
-            Self::NotAcceptable => {
-                ("not-acceptable", "None of the formats offered is acceptable", S::NOT_ACCEPTABLE)
-            }
-            Self::RequestTimeout => ("request-timeout", "The body stopped arriving", S::REQUEST_TIMEOUT),
-            Self::NotFinished => ("not-finished", "The job has not finished", S::CONFLICT),
-            Self::JobFailed => ("job-failed", "The job failed", S::CONFLICT),
-            Self::JobCanceled => ("job-canceled", "The job was canceled", S::CONFLICT),
-            Self::NoSuchResult => ("no-such-result", "The job has no result of this kind", S::CONFLICT),
-            Self::CloudInUse => ("cloud-in-use", "The cloud has jobs that are not finished", S::CONFLICT),
-            Self::TooLarge => ("too-large", "The upload is over a limit", S::PAYLOAD_TOO_LARGE),
-            Self::UnsupportedFormat => {
-                ("unsupported-format", "The format is not supported", S::UNSUPPORTED_MEDIA_TYPE)
-            }
-            Self::UnsupportedEncoding => {
-                ("unsupported-encoding", "The body's encoding is not supported", S::UNSUPPORTED_MEDIA_TYPE)
-            }
-            Self::RangeNotSatisfiable => {
-                ("range-not-satisfiable", "The range is outside of the result", S::RANGE_NOT_SATISFIABLE)
-            }
-            Self::UnknownParameter => {
-                ("unknown-parameter", "A parameter does not exist", S::UNPROCESSABLE_ENTITY)
-            }
+            Self::MalformedRequest => ("The request is malformed", S::BAD_REQUEST),
+            Self::Interrupted => ("The request ended early", S::BAD_REQUEST),
+            Self::MalformedFile => ("The file does not follow its format", S::BAD_REQUEST),
+            Self::Unauthorized => ("A key is needed", S::UNAUTHORIZED),
+            Self::HostNotAllowed => ("The service does not answer to this host name", S::MISDIRECTED_REQUEST),
+            Self::OriginNotAllowed => ("Pages of this origin may not change anything", S::FORBIDDEN),
+            Self::NotFound => ("There is no such resource", S::NOT_FOUND),
+            Self::MethodNotAllowed => ("The resource does not support this method", S::METHOD_NOT_ALLOWED),
+            Self::NotAcceptable => ("None of the formats offered is acceptable", S::NOT_ACCEPTABLE),
+            Self::RequestTimeout => ("The body stopped arriving", S::REQUEST_TIMEOUT),
+            Self::NotFinished => ("The job has not finished", S::CONFLICT),
+            Self::JobFailed => ("The job failed", S::CONFLICT),
+            Self::JobCanceled => ("The job was canceled", S::CONFLICT),
+            Self::NoSuchResult => ("The job has no result of this kind", S::CONFLICT),
+            Self::CloudInUse => ("The cloud has jobs that are not finished", S::CONFLICT),
+            Self::TooLarge => ("The upload is over a limit", S::PAYLOAD_TOO_LARGE),
+            Self::UnsupportedFormat => ("The format is not supported", S::UNSUPPORTED_MEDIA_TYPE),
+            Self::UnsupportedEncoding => ("The body's encoding is not supported", S::UNSUPPORTED_MEDIA_TYPE),
+            Self::RangeNotSatisfiable => ("The range is outside of the result", S::RANGE_NOT_SATISFIABLE),
+            Self::UnknownParameter => ("A parameter does not exist", S::UNPROCESSABLE_ENTITY),
             Self::InvalidParameter => {
-                ("invalid-parameter", "A parameter has a value that is not accepted", S::UNPROCESSABLE_ENTITY)
+                ("A parameter has a value that is not accepted", S::UNPROCESSABLE_ENTITY)
             }
-            Self::KeyReused => {
-                ("key-reused", "The idempotency key names another submission", S::UNPROCESSABLE_ENTITY)
-            }
-            Self::UnusableCloud => {
-                ("unusable-cloud", "The cloud cannot carry the analysis", S::UNPROCESSABLE_ENTITY)
-            }
-            Self::OverBudget => {
-                ("over-budget", "The analysis needs too much memory", S::UNPROCESSABLE_ENTITY)
-            }
-            Self::QueueFull => ("queue-full", "The queue is full", S::TOO_MANY_REQUESTS),
-            Self::StorageFull => ("storage-full", "There is no space left", S::INSUFFICIENT_STORAGE),
-            Self::Internal => ("internal", "Something went wrong on our side", S::INTERNAL_SERVER_ERROR),
-            Self::Unavailable => ("unavailable", "The service is not available", S::SERVICE_UNAVAILABLE),
+            Self::KeyReused => ("The idempotency key names another submission", S::UNPROCESSABLE_ENTITY),
+            Self::UnusableCloud => ("The cloud cannot carry the analysis", S::UNPROCESSABLE_ENTITY),
+            Self::OverBudget => ("The analysis needs too much memory", S::UNPROCESSABLE_ENTITY),
+            Self::QueueFull => ("The queue is full", S::TOO_MANY_REQUESTS),
+            Self::StorageFull => ("There is no space left", S::INSUFFICIENT_STORAGE),
+            Self::Internal => ("Something went wrong on our side", S::INTERNAL_SERVER_ERROR),
+            Self::Unavailable => ("The service is not available", S::SERVICE_UNAVAILABLE),
         }
     }
 }

@@ -12,10 +12,10 @@ use super::problem::{Kind, Problem};
 use crate::cloud::reader::{self, Format};
 use crate::http::service::Service;
 
-/// What is told of an upload without a byte.
+/// Answer to an upload without a byte.
 const EMPTY: &str = "the body is empty; send the file as the body, as in `curl -T scan.ply`";
 
-/// What is told of a file that `curl -d` has sent.
+/// Answer to a file that `curl -d` has sent.
 const LINE_ENDS: &str = "the body has no line ends, as `curl -d @FILE` sends files; send it by `curl -T FILE` or \
     `curl --data-binary @FILE`";
 
@@ -24,7 +24,7 @@ const UNSPECIFIC: [&str; 9] = [
     "application/octet-stream",
     FORM,
     "text/plain",
-    // A packed file is told by what is in it.
+    // The content decides the format of a packed file.
     "application/gzip",
     "application/x-gzip",
     "application/zip",
@@ -149,12 +149,12 @@ fn essence(media_type: &str) -> String {
 }
 
 fn unsupported(reason: &str) -> Problem {
-    let names: Vec<_> = Format::ALL.iter().map(|format| format.name()).collect();
+    let names = Format::ALL.map(Format::name);
     Problem::new(
         Kind::UnsupportedFormat,
-        format!("{reason}; accepted are {}, told by ?format= or by Content-Type", names.join(", ")),
+        format!("{reason}; accepted are {}; name one by ?format= or by Content-Type", names.join(", ")),
     )
-    .with("accepted", names)
+    .with("accepted", names.to_vec())
 }
 
 #[cfg(test)]

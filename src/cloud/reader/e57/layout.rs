@@ -28,7 +28,7 @@ pub(super) enum Place {
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) columns: Vec<Column>,
-    /// Names of the fields as the files have them, before repeated ones are told apart.
+    /// Names of the fields as the files have them, before repeated ones are numbered.
     fields: Vec<String>,
 }
 

@@ -101,7 +101,7 @@ pub(super) struct Packets<'a> {
 }
 
 impl<'a> Packets<'a> {
-    /// Of the scan whose binary section begins at an offset of the file; every packet has so many streams.
+    /// Of the scan whose binary section begins at an offset of the file; every packet has `streams` streams.
     pub(super) fn of(bytes: &'a [u8], section: u64, streams: usize) -> Result<Self, ReadError> {
         let mut pages = Pages { bytes, at: logical(section), checked: 0..0 };
         let mut head = Vec::with_capacity(32);

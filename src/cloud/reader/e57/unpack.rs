@@ -7,7 +7,7 @@ use e57::RecordDataType;
 pub(super) enum Packing {
     Single,
     Double,
-    /// So many bits above a minimum; the value is the sum times the scale, plus the offset.
+    /// A number of bits above a minimum; the value is the sum times the scale, plus the offset.
     Integer {
         bits: u32,
         minimum: i64,
@@ -127,7 +127,7 @@ impl Stream {
 mod tests {
     use super::*;
 
-    /// Numbers of so many bits, one behind the other.
+    /// Numbers of a fixed number of bits, one behind the other.
     fn packed(numbers: &[u64], bits: usize) -> Vec<u8> {
         let mut bytes = vec![0_u8; (numbers.len() * bits).div_ceil(8)];
         for (index, number) in numbers.iter().enumerate() {

@@ -35,7 +35,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Names and types of the properties that are no lists.
+    /// Names and types of the properties that are not lists.
     pub(super) fn scalars(&self) -> impl Iterator<Item = (&str, Stored)> {
         self.properties.iter().filter_map(|property| match property.kind {
             PropertyKind::Scalar(kind) => Some((property.name.as_str(), kind)),

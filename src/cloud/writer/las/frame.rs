@@ -62,12 +62,12 @@ impl Frame {
         Ok(Self { head, extended: if is_1_4 { extended } else { Vec::new() } })
     }
 
-    /// Writes what follows so many bytes of points. The header, which is written before, says where that is.
+    /// Writes what follows the points, whose bytes are counted: the header, written before, says where they end.
     pub(super) fn write_tail(&self, out: &mut impl Write) -> io::Result<()> {
         self.extended.iter().try_for_each(|record| out.write_all(record))
     }
 
-    /// Says in the header where the extended records stand, behind so many bytes of points.
+    /// Says in the header where the extended records stand, behind the bytes of the points.
     pub(super) fn place_extended(&mut self, points_bytes: usize) {
         if self.head[at::VERSION_MINOR] >= 4 && self.head.len() >= HEADER_1_4 {
             let place = if self.extended.is_empty() { 0 } else { (self.head.len() + points_bytes) as u64 };

@@ -8,9 +8,9 @@ use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, Sequential
 use laz::{LasZipDecompressor, LazItemType, LazVlr};
 use rayon::prelude::*;
 
-use super::las::File;
-use super::{Format, ReadError, check_unpacked, guarded};
+use super::file::File;
 use crate::cloud::las::Record;
+use crate::cloud::reader::{Format, ReadError, check_unpacked, guarded};
 
 /// Points unpacked together where chunks are not known: memory grows with what has been unpacked.
 const BATCH: usize = 50_000;
@@ -86,7 +86,7 @@ fn side_by_side(
             let damaged = |error: &dyn std::fmt::Display| damaged(file, done, error);
             unpacked.map_err(|error| damaged(&error))?.map_err(|error| damaged(&error))
         };
-        // What a crate stumbles over on another thread is told there too.
+        // A panic on another thread is caught there.
         guarded(Format::Laz, unpack)
     })?;
     Ok(records)
