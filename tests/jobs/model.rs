@@ -187,6 +187,7 @@ impl Pair {
             Step::Restart => {
                 self.store = self.stage.open_with_queue(QUEUE_MAX).await;
                 self.process = Uuid::now_v7();
+                self.stage.outlive_the_dead();
                 let orphans = self.store.requeue_orphans(self.process).await.unwrap();
                 let mut running: Vec<&mut Job> =
                     self.model.jobs.iter_mut().filter(|job| job.state == JobState::Running).collect();
