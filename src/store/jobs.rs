@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use futures_util::TryStreamExt;
 use uuid::Uuid;
 
-use super::arrays::basis_chunk_points;
+use super::arrays::{basis_chunk_points, toasted_basis_chunk_points};
 use super::connection::Connection;
 use super::engine::Engine;
 use super::line::place;
@@ -195,7 +195,11 @@ impl Store {
         parameters: &Parameters,
     ) -> Result<(JobRecord, bool), StoreError> {
         let memory = memory_estimate(cloud.points, cloud.dimension, cloud.faces, kind, parameters);
-        let chunk_points = basis_chunk_points(parameters.bases);
+        let chunk_points = if connection.is_postgres() {
+            toasted_basis_chunk_points(parameters.bases)
+        } else {
+            basis_chunk_points(parameters.bases)
+        };
         let bytes = result_bytes(cloud.points, kind, parameters.bases);
         // Fields in the order of their declaration, numbers in their shortest form: equal parameters, equal text.
         let (kind, parameters) = (word(&kind)?, to_json(parameters)?);

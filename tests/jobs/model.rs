@@ -293,7 +293,7 @@ fn pick<T: Clone>(items: &[T], index: usize) -> Option<T> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: if crate::SHARES { 12 } else { 40 }, ..ProptestConfig::default() })]
 
     #[test]
     fn every_history_of_the_queue_is_the_one_of_the_reference(steps in prop::collection::vec(step(), 1..60)) {
