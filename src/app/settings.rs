@@ -28,7 +28,7 @@ pub struct Settings {
     pub listen: SocketAddr,
 
     /// File of the database, made when it is not there; or the address of a PostgreSQL database that several nodes share,
-    /// such as `postgres://user@host/chladni`. Its password is better given by CHLADNI_DATABASE or PGPASSWORD: a command
+    /// such as `postgres://user@host/chladni`. Its password is better given by `CHLADNI_DATABASE` or `PGPASSWORD`: a command
     /// line is seen by every user of the machine.
     #[arg(
         long,

@@ -15,7 +15,7 @@ pub(crate) struct MigrateArgs {
     #[arg(long, value_name = "FILE", default_value = "chladni.db")]
     from: PathBuf,
 
-    /// Address of the database to fill, such as `postgres://user@host/chladni`; its password is better given by PGPASSWORD.
+    /// Address of the database to fill, such as `postgres://user@host/chladni`; its password is better given by `PGPASSWORD`.
     #[arg(long, value_name = "ADDRESS")]
     to: DatabaseAddress,
 }

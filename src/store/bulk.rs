@@ -125,7 +125,7 @@ impl<'c> Rows<'c> {
     /// A row of as many columns as a table has, into PostgreSQL.
     pub(super) async fn stream(&mut self, fields: &[Field]) -> Result<(), StoreError> {
         let Self::Postgres(stream, gathered) = self else { return Ok(()) };
-        gathered.extend((fields.len() as i16).to_be_bytes());
+        gathered.extend((fields.len() as u16).to_be_bytes());
         for field in fields {
             field.append(gathered);
         }

@@ -105,12 +105,10 @@ impl Store {
     /// [`StoreError::Database`], [`StoreError::Unreachable`].
     pub async fn open_at(address: &DatabaseAddress, settings: StoreSettings) -> Result<Self, StoreError> {
         let (node, news) = (Uuid::now_v7(), News::default());
-        let engine = match address.path() {
-            Some(path) => Engine::Sqlite(sqlite::Database::open(path, &settings).await?),
-            None => {
-                let database = postgres::Database::open(address, &settings, node, news.clone()).await?;
-                Engine::Postgres(database)
-            }
+        let engine = if let Some(path) = address.path() {
+            Engine::Sqlite(sqlite::Database::open(path, &settings).await?)
+        } else {
+            Engine::Postgres(postgres::Database::open(address, &settings, node, news.clone()).await?)
         };
         Ok(Self {
             engine,

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use sqlx::error::DatabaseError;
 use sqlx::postgres::{PgConnectOptions, PgConnection};
 use sqlx::{ConnectOptions, Connection, Error};
 
@@ -64,7 +65,7 @@ fn not_connected(options: &PgConnectOptions, error: Error) -> StoreError {
     let server = place(options);
     let user = options.get_username();
     let database = options.get_database().unwrap_or(user);
-    let code = error.as_database_error().and_then(|error| error.code()).map(|code| code.to_string());
+    let code = error.as_database_error().and_then(DatabaseError::code).map(|code| code.to_string());
     let why = match (code.as_deref(), error) {
         (Some("28P01" | "28000"), error) => format!(
             "{server} refuses user {user}: {}; check the user, the password (in the address or in PGPASSWORD) and the \
