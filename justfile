@@ -26,9 +26,10 @@ doc:
 dependencies:
     .ci/dependencies
 
-# Every test; those of the viewer in a browser, where one can be had
+# Every test; those of the viewer in a browser and those on PostgreSQL where these can be had
 test:
     .ci/browser
+    .ci/postgres
     cargo test
 
 # The tests on scans, where these are; they are no part of the project

@@ -5,6 +5,7 @@ mod key_file;
 mod keys;
 mod listener;
 mod machine;
+mod moving;
 mod secret;
 mod settings;
 mod values;
@@ -19,6 +20,7 @@ use tokio_util::sync::CancellationToken;
 
 pub use copies::{backup, compact};
 pub use key_file::{KeyEntry, KeyFile, KeyFileError};
+pub use moving::migrate;
 pub use secret::Secret;
 pub use settings::Settings;
 pub use values::{address, bytes};
@@ -27,6 +29,8 @@ use crate::http::{self, Hosts, Keys, KeysError, Pools, Service};
 use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, Urgency, analyses};
 use crate::metrics::Metrics;
 use crate::store::{DatabaseLock, Store, StoreError};
+
+pub use crate::store::{DatabaseAddress, Moved};
 
 /// Why the service did not start.
 #[derive(Debug, thiserror::Error)]
@@ -57,13 +61,24 @@ pub enum StartError {
     #[error("the API keys: {0}")]
     Keys(#[from] KeysError),
     /// The database cannot be used.
-    #[error("the database, {path}: {cause}")]
+    #[error("the database, {address}: {cause}")]
     Database {
-        /// Its file.
-        path: PathBuf,
+        /// Its file or address.
+        address: DatabaseAddress,
         /// Why.
         cause: StoreError,
     },
+    /// The settings ask for a node among others, on a database of one process.
+    #[error(
+        "{flag} is for nodes that share a PostgreSQL database; give its address with --database postgres://…"
+    )]
+    Alone {
+        /// The flag.
+        flag: &'static str,
+    },
+    /// It would neither answer nor compute.
+    #[error("with --no-listen and --workers 0 there is nothing to do; leave one of them out")]
+    Idle,
     /// The compute threads cannot be started.
     #[error("cannot start the compute threads: {0}")]
     Threads(#[from] ComputeError),
@@ -73,13 +88,13 @@ pub enum StartError {
 pub struct App {
     address: SocketAddr,
     stopping: CancellationToken,
-    listening: JoinHandle<()>,
+    listening: Option<JoinHandle<()>>,
     jobs: Arc<Jobs>,
     store: Store,
     keys: Option<Keys>,
     settings: Settings,
-    /// Held until the database is closed.
-    _lock: DatabaseLock,
+    /// Held until the database is closed; of a file only.
+    _lock: Option<DatabaseLock>,
 }
 
 impl App {
@@ -96,15 +111,19 @@ impl App {
     /// # Errors
     /// [`StartError`]; nothing is left running then.
     pub async fn start_with(settings: Settings, analyze: Arc<Analyze>) -> Result<Self, StartError> {
+        check_company(&settings)?;
         let keys = keys::read(&settings)?;
-        if !settings.listen.ip().is_loopback() && keys.is_none() && !settings.allow_public {
+        if !settings.no_listen
+            && !settings.listen.ip().is_loopback()
+            && keys.is_none()
+            && !settings.allow_public
+        {
             return Err(StartError::Public(settings.listen));
         }
-        let refused = |cause| StartError::Listen { address: settings.listen, cause };
-        let listener = TcpListener::bind(settings.listen).await.map_err(refused)?;
-        let address = listener.local_addr().map_err(refused)?;
-        let lock =
-            DatabaseLock::take(&settings.database).map_err(|cause| unusable_database(&settings, cause))?;
+        let listener = if settings.no_listen { None } else { Some(listen(settings.listen).await?) };
+        let address = listener.as_ref().map_or(settings.listen, |(_, address)| *address);
+        let lock = settings.database.path().map(DatabaseLock::take).transpose();
+        let lock = lock.map_err(|cause| unusable_database(&settings, cause))?;
         let store = open_store(&settings).await?;
         if let Some(keys) = &keys {
             keys::adopt(keys, &store).await.map_err(|cause| unusable_database(&settings, cause))?;
@@ -121,30 +140,30 @@ impl App {
         let jobs_settings = JobsSettings { metrics: Arc::clone(&metrics), ..settings.jobs() };
         let jobs = Jobs::start(store.clone(), computing, analyze, jobs_settings).await;
         let jobs = Arc::new(jobs.map_err(|cause| unusable_database(&settings, cause))?);
-        let limits = settings.limits();
-        let accepted = keys.clone();
-        let hosts = Hosts::new(address.ip(), &settings.allowed_hosts);
-        let service = Service::new(
-            store.clone(),
-            pools,
-            Arc::clone(&jobs),
-            limits,
-            accepted,
-            metrics,
-            stopping.clone(),
-        )
-        .allowing(settings.cors_origins.clone(), hosts);
-        let serving =
-            listener::serve(listener, http::router(service), settings.connections(), stopping.clone());
-        let listening = tokio::spawn(serving);
-        tracing::info!(%address, "listening");
+        let listening = listener.map(|(listener, address)| {
+            let hosts = Hosts::new(address.ip(), &settings.allowed_hosts);
+            let (limits, accepted) = (settings.limits(), keys.clone());
+            let (store, jobs, stopping) = (store.clone(), Arc::clone(&jobs), stopping.clone());
+            let service = Service::new(store, pools, jobs, limits, accepted, metrics, stopping.clone())
+                .allowing(settings.cors_origins.clone(), hosts);
+            tracing::info!(%address, "listening");
+            let router = http::router(service);
+            tokio::spawn(listener::serve(listener, router, settings.connections(), stopping))
+        });
+        tracing::info!(node = %store.node(), database = %settings.database, "started");
         Ok(Self { address, stopping, listening, jobs, store, keys, settings, _lock: lock })
     }
 
-    /// The address that is listened on.
+    /// The address that is listened on, or would be by a node that listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Whether requests are answered.
+    #[must_use]
+    pub fn listens(&self) -> bool {
+        self.listening.is_some()
     }
 
     /// Reads the API keys again: those that are new are accepted from now on, those that are gone no longer. Keys that
@@ -175,23 +194,46 @@ impl App {
     pub async fn shutdown(self) {
         tracing::info!("stopping");
         self.stopping.cancel();
-        let (ended, ()) = tokio::join!(self.listening, self.jobs.stop(self.settings.grace()));
-        if let Err(error) = ended {
-            tracing::error!(%error, "the listener ended badly");
-        }
+        let listening = async {
+            if let Some(Err(error)) = futures_util::future::OptionFuture::from(self.listening).await {
+                tracing::error!(%error, "the listener ended badly");
+            }
+        };
+        tokio::join!(listening, self.jobs.stop(self.settings.grace()));
         self.store.close().await;
         tracing::info!("stopped");
     }
 }
 
+/// Refuses what makes no sense for a process that has the database to itself.
+fn check_company(settings: &Settings) -> Result<(), StartError> {
+    let flag = match (settings.no_listen, settings.jobs_at_once) {
+        (true, 0) => return Err(StartError::Idle),
+        (true, _) => "--no-listen",
+        (false, 0) => "--workers 0",
+        (false, _) => return Ok(()),
+    };
+    match settings.database.path() {
+        Some(_) => Err(StartError::Alone { flag }),
+        None => Ok(()),
+    }
+}
+
+async fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), StartError> {
+    let refused = |cause| StartError::Listen { address, cause };
+    let listener = TcpListener::bind(address).await.map_err(refused)?;
+    let address = listener.local_addr().map_err(refused)?;
+    Ok((listener, address))
+}
+
 async fn open_store(settings: &Settings) -> Result<Store, StartError> {
-    Store::open_with(&settings.database, settings.store())
+    Store::open_at(&settings.database, settings.store())
         .await
         .map_err(|cause| unusable_database(settings, cause))
 }
 
 fn unusable_database(settings: &Settings, cause: StoreError) -> StartError {
-    StartError::Database { path: settings.database.clone(), cause }
+    StartError::Database { address: settings.database.clone(), cause }
 }
 
 /// Returns at the first SIGTERM or Ctrl-C.

@@ -13,6 +13,7 @@ mod health;
 mod input;
 mod interrupt;
 mod keys;
+mod migrate;
 mod output;
 mod reporting;
 mod reproduce;
@@ -83,6 +84,8 @@ enum Command {
     Keys(keys::KeysArgs),
     /// Copy the database into a new file while the service goes on
     Backup(backup::BackupArgs),
+    /// Copy an SQLite file into an empty PostgreSQL database
+    Migrate(migrate::MigrateArgs),
     /// Give the space of deleted data back to the disk while no service runs
     Compact(compact::CompactArgs),
     /// Ask a running service whether it is alive; exits 0 if so
@@ -142,6 +145,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
         Command::Serve(args) => block_on(serve::run(args)),
         Command::Keys(args) => keys::run(&args),
         Command::Backup(args) => backup::run(&args),
+        Command::Migrate(args) => migrate::run(&args),
         Command::Compact(args) => compact::run(&args),
         Command::Demo(args) => block_on(demo::run(args)),
         Command::View(args) => run_on_runtime(view::run(args)),

@@ -1,5 +1,6 @@
 //! What is counted and measured while the service runs, as Prometheus reads it. Names and units in one place.
 
+mod disk;
 mod process;
 
 use std::fmt;
@@ -13,6 +14,8 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::metrics::info::Info;
 use prometheus_client::registry::{Registry, Unit};
+
+use disk::DiskFree;
 
 /// Media type of the text.
 pub const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -43,6 +46,11 @@ struct Phase {
     phase: &'static str,
 }
 
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Node {
+    node: String,
+}
+
 /// What stands somewhere at the moment of asking.
 #[derive(Debug, Clone, Default)]
 pub struct Gauges {
@@ -54,9 +62,11 @@ pub struct Gauges {
     pub body_memory: u64,
     /// Seconds since the submission of the job that has waited longest, 0 when none waits.
     pub oldest_queued_seconds: f64,
-    /// Bytes that are free on the disk.
-    pub disk_free: u64,
-    /// Bytes of the database file.
+    /// Bytes that are free on the disk, unless it is a server's.
+    pub disk_free: Option<u64>,
+    /// This process, by the name that it has in the database.
+    pub node: String,
+    /// Bytes of the database.
     pub database_file: u64,
     /// Bytes of pages in the database file whose content was deleted.
     pub database_free: u64,
@@ -76,7 +86,8 @@ pub struct Metrics {
     job_memory: Gauge,
     body_memory: Gauge,
     oldest_queued: Gauge<f64, AtomicU64>,
-    disk_free: Gauge,
+    disk_free: DiskFree,
+    node: Family<Node, Gauge>,
     database_file: Gauge,
     database_free: Gauge,
 }
@@ -106,7 +117,8 @@ impl Default for Metrics {
             job_memory: Gauge::default(),
             body_memory: Gauge::default(),
             oldest_queued: Gauge::default(),
-            disk_free: Gauge::default(),
+            disk_free: DiskFree::default(),
+            node: Family::default(),
             database_file: Gauge::default(),
             database_free: Gauge::default(),
         };
@@ -129,7 +141,11 @@ impl Metrics {
         registry.register_with_unit("http_received", help, bytes(), self.received.clone());
         let help = "Bytes of answers' bodies sent";
         registry.register_with_unit("http_sent", help, bytes(), self.sent.clone());
-        registry.register("jobs", "Jobs in the database by state", self.jobs.clone());
+        registry.register(
+            "jobs",
+            "Jobs in the database by state, the same on every node that shares it",
+            self.jobs.clone(),
+        );
         registry.register(
             "jobs_ended",
             "Attempts at jobs that ended here, by the state after",
@@ -143,18 +159,16 @@ impl Metrics {
         registry.register_with_unit("job_memory", help, bytes(), self.job_memory.clone());
         let help = "Memory reserved for requests' bodies";
         registry.register_with_unit("body_memory", help, bytes(), self.body_memory.clone());
-        let help = "Time since the submission of the job that has waited longest";
+        let help = "Time since the submission of the job that has waited longest, the same on every node of the database";
         registry.register_with_unit("job_oldest_queued", help, seconds(), self.oldest_queued.clone());
-        let help = "Size of the database file, without its write-ahead log";
+        let help = "Size of the database, without its write-ahead log";
         registry.register_with_unit("database_file", help, bytes(), self.database_file.clone());
+        let help =
+            "This process, by its name in the database, where running jobs are marked with it; always 1";
+        registry.register("node", help, self.node.clone());
         let help = "Free pages within the database file, which fill before it grows";
         registry.register_with_unit("database_free", help, bytes(), self.database_free.clone());
-        registry.register_with_unit(
-            "disk_free",
-            "Free on the database's disk",
-            bytes(),
-            self.disk_free.clone(),
-        );
+        self.registry.register_collector(Box::new(self.disk_free.clone()));
     }
 
     /// A request was answered after `seconds`.
@@ -199,7 +213,8 @@ impl Metrics {
         self.job_memory.set(signed(levels.job_memory));
         self.body_memory.set(signed(levels.body_memory));
         self.oldest_queued.set(levels.oldest_queued_seconds);
-        self.disk_free.set(signed(levels.disk_free));
+        self.disk_free.set(levels.disk_free);
+        self.node.get_or_create(&Node { node: levels.node.clone() }).set(1);
         self.database_file.set(signed(levels.database_file));
         self.database_free.set(signed(levels.database_free));
         let mut text = String::new();
@@ -233,7 +248,8 @@ mod tests {
         metrics.phase("cells", 2.0);
         let levels = Gauges {
             jobs: vec![("queued", 3)],
-            disk_free: 1 << 40,
+            disk_free: Some(1 << 40),
+            node: "n1".to_owned(),
             oldest_queued_seconds: 2.5,
             database_file: 30,
             database_free: 20,
@@ -256,6 +272,7 @@ mod tests {
             "chladni_job_oldest_queued_seconds 2.5",
             "chladni_database_file_bytes 30",
             "chladni_database_free_bytes 20",
+            "chladni_node{node=\"n1\"} 1",
             "# EOF",
         ] {
             assert!(text.contains(line), "{line}\n{text}");

@@ -619,3 +619,42 @@ fn a_table_of_the_papers_is_reproduced_and_reported() {
     let (code, line) = failed(&chladni(&folder, "reproduce table-99"));
     assert!(code == 2 && line.contains("table-99"), "{line}");
 }
+
+#[test]
+fn a_database_that_cannot_be_reached_is_told_in_one_line_without_its_password() {
+    let folder = tempdir().unwrap();
+    let address = "postgres://kim:s3cret@127.0.0.1:1/chladni";
+    for command in ["serve --listen 0 --database", "migrate --from x.db --to"] {
+        fs::write(folder.path().join("x.db"), "").unwrap();
+        let output = chladni(&folder, &format!("{command} {address}"));
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{errors}");
+        let last = errors.lines().last().unwrap();
+        assert!(last.contains("127.0.0.1:1 cannot be reached"), "{last}");
+        assert!(!errors.contains("s3cret"), "{errors}");
+    }
+}
+
+#[test]
+fn what_is_for_files_or_for_servers_only_says_so() {
+    let folder = tempdir().unwrap();
+    let server = "--database postgres://kim@127.0.0.1:1/chladni";
+    let refused = |arguments: &str, code: i32, why: &str| {
+        let output = chladni(&folder, arguments);
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments}: {errors}");
+        assert!(errors.contains(why), "{arguments}: {errors}");
+    };
+    refused(&format!("backup copy.db {server}"), 2, "pg_dump");
+    refused(&format!("compact {server}"), 2, "autovacuum");
+    refused("serve --no-listen", 1, "--database postgres://");
+    refused("serve --listen 0 --workers 0", 1, "--database postgres://");
+    refused(&format!("serve --no-listen --workers 0 {server}"), 1, "nothing to do");
+    refused(
+        "serve --listen 0 --database postgres://host:port/x",
+        1,
+        "postgres://user:password@host:5432/database",
+    );
+    fs::write(folder.path().join("x.db"), "").unwrap();
+    refused("migrate --from x.db --to y.db", 2, "is a file");
+}

@@ -1,7 +1,6 @@
 //! Every setting of the service, from flags and environment, with its unit.
 
 use std::net::{Ipv4Addr, SocketAddr};
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -14,7 +13,7 @@ use super::values::{address, bytes, host, origin};
 use crate::cloud::reader;
 use crate::http::Limits;
 use crate::jobs::{JobsSettings, Retention};
-use crate::store::StoreSettings;
+use crate::store::{DatabaseAddress, NodeSettings, StoreSettings};
 
 /// When a client at its turn loses its place to another that waits for one.
 const PATIENCE: Patience =
@@ -28,16 +27,28 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_LISTEN", value_name = "ADDRESS", value_parser = address, default_value_t = Self::default().listen)]
     pub listen: SocketAddr,
 
-    /// File of the database; made when it is not there.
-    #[arg(long, env = "CHLADNI_DATABASE", value_name = "FILE", default_value = "chladni.db")]
-    pub database: PathBuf,
+    /// File of the database, made when it is not there; or the address of a PostgreSQL database that several nodes share,
+    /// such as `postgres://user@host/chladni`. Its password is better given by `CHLADNI_DATABASE` or `PGPASSWORD`: a command
+    /// line is seen by every user of the machine.
+    #[arg(
+        long,
+        env = "CHLADNI_DATABASE",
+        value_name = "FILE|ADDRESS",
+        hide_env_values = true,
+        default_value = "chladni.db"
+    )]
+    pub database: DatabaseAddress,
+
+    /// Answer no requests, only compute: a node beside others on one PostgreSQL database.
+    #[arg(long, env = "CHLADNI_NO_LISTEN")]
+    pub no_listen: bool,
 
     /// Threads that compute, 0 for one per processor.
     #[arg(long, env = "CHLADNI_THREADS", value_name = "N", default_value_t = Self::default().threads)]
     pub threads: usize,
 
-    /// Jobs that run at the same time.
-    #[arg(long, env = "CHLADNI_JOBS_AT_ONCE", value_name = "N", default_value_t = Self::default().jobs_at_once)]
+    /// Jobs that run at the same time; 0 for a node that only answers, beside others on one PostgreSQL database.
+    #[arg(long, visible_alias = "workers", env = "CHLADNI_JOBS_AT_ONCE", value_name = "N", default_value_t = Self::default().jobs_at_once)]
     pub jobs_at_once: usize,
 
     /// Bytes of memory that the analyses running at one time may be estimated to take together; 0 for half of what the
@@ -171,7 +182,8 @@ impl Default for Settings {
         let reader = reader::Limits::default();
         Self {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 8080)),
-            database: PathBuf::from("chladni.db"),
+            database: DatabaseAddress::file("chladni.db"),
+            no_listen: false,
             threads: 0,
             jobs_at_once: 1,
             memory_budget: 0,
@@ -226,13 +238,12 @@ impl Settings {
     }
 
     pub(super) fn jobs(&self) -> JobsSettings {
-        let concurrent = NonZeroUsize::new(self.jobs_at_once).unwrap_or(NonZeroUsize::MIN);
         let days = |days: u64| Duration::from_secs(days.saturating_mul(24 * 60 * 60));
         let retention =
             Retention { jobs: self.keep_jobs_days.map(days), clouds: self.keep_clouds_days.map(days) };
         let time_max = Duration::from_secs(self.job_seconds);
         JobsSettings {
-            concurrent,
+            concurrent: self.jobs_at_once,
             memory: self.memory_budget(),
             time_max,
             retention,
@@ -248,6 +259,7 @@ impl Settings {
             file_bytes_max: unless_zero(self.database_bytes_max),
             memory_budget: self.memory_budget(),
             disk_floor: self.disk_floor,
+            node: NodeSettings { threads: self.threads() as u64, workers: self.jobs_at_once as u64 },
             ..StoreSettings::default()
         }
     }
@@ -291,7 +303,7 @@ impl Settings {
             body_memory: self.body_memory(),
             memory_budget: self.memory_budget(),
             disk_floor: self.disk_floor,
-            jobs_at_once: self.jobs_at_once.max(1),
+            jobs_at_once: self.jobs_at_once,
             keep_jobs_days: self.keep_jobs_days,
             keep_clouds_days: self.keep_clouds_days,
             bases_max: self.bases_max,

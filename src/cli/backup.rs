@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use chladni::app::backup;
+use chladni::app::{DatabaseAddress, backup};
 
 use super::{Failure, block_on};
 
@@ -13,8 +13,14 @@ pub(crate) struct BackupArgs {
     copy: PathBuf,
 
     /// File of the database.
-    #[arg(long, env = "CHLADNI_DATABASE", value_name = "FILE", default_value = "chladni.db")]
-    database: PathBuf,
+    #[arg(
+        long,
+        env = "CHLADNI_DATABASE",
+        value_name = "FILE",
+        hide_env_values = true,
+        default_value = "chladni.db"
+    )]
+    database: DatabaseAddress,
 }
 
 /// Writes the copy.
@@ -23,13 +29,17 @@ pub(crate) struct BackupArgs {
 /// [`Failure`]: nothing to copy, a file that is there already, or a full disk.
 #[allow(clippy::print_stdout)] // tells what was done
 pub(crate) fn run(args: &BackupArgs) -> Result<(), Failure> {
-    if !args.database.is_file() {
-        return Err(Failure::Input(format!("there is no database at {}", args.database.display())));
+    let Some(database) = args.database.path() else {
+        let why = "a PostgreSQL database is copied by its own tools: pg_dump --format=custom";
+        return Err(Failure::Input(why.to_owned()));
+    };
+    if !database.is_file() {
+        return Err(Failure::Input(format!("there is no database at {}", database.display())));
     }
     if args.copy.exists() {
         return Err(Failure::Input(format!("{} is there already", args.copy.display())));
     }
-    block_on(backup(&args.database, &args.copy))?;
+    block_on(backup(database, &args.copy))?;
     let bytes = std::fs::metadata(&args.copy).map_err(Failure::other)?.len();
     println!("{}: {bytes} bytes", args.copy.display());
     Ok(())

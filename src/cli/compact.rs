@@ -1,8 +1,6 @@
 //! `chladni compact`: the database without the space of deleted data, while no service runs.
 
-use std::path::PathBuf;
-
-use chladni::app::compact;
+use chladni::app::{DatabaseAddress, compact};
 
 use super::{Failure, block_on};
 
@@ -11,8 +9,14 @@ use super::{Failure, block_on};
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompactArgs {
     /// File of the database.
-    #[arg(long, env = "CHLADNI_DATABASE", value_name = "FILE", default_value = "chladni.db")]
-    database: PathBuf,
+    #[arg(
+        long,
+        env = "CHLADNI_DATABASE",
+        value_name = "FILE",
+        hide_env_values = true,
+        default_value = "chladni.db"
+    )]
+    database: DatabaseAddress,
 }
 
 /// Compacts the database.
@@ -21,12 +25,17 @@ pub(crate) struct CompactArgs {
 /// [`Failure`]: no database there, one that is served, or a full disk; the file is as it was then.
 #[allow(clippy::print_stdout)] // tells what was done
 pub(crate) fn run(args: &CompactArgs) -> Result<(), Failure> {
-    if !args.database.is_file() {
-        return Err(Failure::Input(format!("there is no database at {}", args.database.display())));
+    let Some(database) = args.database.path() else {
+        return Err(Failure::Input(
+            "a PostgreSQL server looks after its space itself, by autovacuum".to_owned(),
+        ));
+    };
+    if !database.is_file() {
+        return Err(Failure::Input(format!("there is no database at {}", database.display())));
     }
-    let size = || std::fs::metadata(&args.database).map(|file| file.len()).map_err(Failure::other);
+    let size = || std::fs::metadata(database).map(|file| file.len()).map_err(Failure::other);
     let before = size()?;
-    block_on(compact(&args.database))?;
-    println!("{}: {before} bytes before, {} bytes now", args.database.display(), size()?);
+    block_on(compact(database))?;
+    println!("{}: {before} bytes before, {} bytes now", database.display(), size()?);
     Ok(())
 }

@@ -7,7 +7,7 @@ mod report;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
-use chladni::app::{App, Settings, StartError, address, told_to_stop};
+use chladni::app::{App, DatabaseAddress, Settings, StartError, address, told_to_stop};
 use chladni::cloud::PointCloud;
 use chladni::cloud::reader::Format;
 use chladni::cloud::shapes::{SampleError, SampleRequest, Sampling, Shape, sample};
@@ -115,8 +115,11 @@ async fn show_and_stay(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
 }
 
 async fn start(args: &DemoArgs, directory: &Path) -> Result<App, StartError> {
-    let settings =
-        Settings { listen: args.listen, database: directory.join("chladni.db"), ..Settings::default() };
+    let settings = Settings {
+        listen: args.listen,
+        database: DatabaseAddress::file(directory.join("chladni.db")),
+        ..Settings::default()
+    };
     match App::start(settings.clone()).await {
         Err(StartError::Listen { cause, .. }) if cause.kind() == std::io::ErrorKind::AddrInUse => {
             eprintln!("{} is taken; using a free port.", args.listen);

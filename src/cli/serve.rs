@@ -64,7 +64,13 @@ pub(crate) async fn run(args: ServeArgs) -> Result<(), ServeError> {
     let mut hangups = signal(SignalKind::hangup())?;
     let app = App::start(args.settings).await?;
     let address = app.address();
-    println!("chladni serves http://{address}   try: curl -T scan.ply 'http://{address}/clouds?bases=50'");
+    if app.listens() {
+        println!(
+            "chladni serves http://{address}   try: curl -T scan.ply 'http://{address}/clouds?bases=50'"
+        );
+    } else {
+        println!("chladni computes for the nodes that listen");
+    }
     let told = tokio::select! {
         told = told_to_stop() => told,
         () = reread_keys(&app, &mut hangups) => Ok(()),

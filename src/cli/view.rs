@@ -6,7 +6,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use chladni::app::{App, Settings, told_to_stop};
+use chladni::app::{App, DatabaseAddress, Settings, told_to_stop};
 use hyper::{Method, StatusCode};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -55,8 +55,11 @@ pub(crate) async fn run(args: ViewArgs) -> Result<(), Failure> {
     let directory = args.directory.as_deref().unwrap_or(temporary.path());
     std::fs::create_dir_all(directory)
         .map_err(|error| Failure::Input(format!("{}: {error}", directory.display())))?;
-    let settings =
-        Settings { listen: args.listen, database: directory.join("chladni.db"), ..Settings::default() };
+    let settings = Settings {
+        listen: args.listen,
+        database: DatabaseAddress::file(directory.join("chladni.db")),
+        ..Settings::default()
+    };
     let app = App::start(settings).await.map_err(Failure::other)?;
     let outcome = tokio::select! {
         shown = show(&app, &args, file) => shown,

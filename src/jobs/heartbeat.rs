@@ -1,7 +1,7 @@
 //! The thread that beats for a running job.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::runtime::Handle;
 use tokio::sync::oneshot;
@@ -9,6 +9,9 @@ use tokio::sync::oneshot;
 use super::JobsSettings;
 use super::task::Task;
 use crate::store::{Claim, Order, Store, StoreError};
+
+/// How long an answer is waited for: a fraction of a lease.
+const ANSWER: Duration = Duration::from_secs(15);
 
 /// Beats until it is dropped, or until it hears that the job is to end.
 pub(super) struct Heartbeat {
@@ -78,11 +81,15 @@ impl Beating {
         }
     }
 
+    /// A server that was cut off answers nothing, not even an error: then the next beat goes by another connection.
     async fn beat(&self, due: bool) -> Result<Order, StoreError> {
-        if due {
-            self.store.heartbeat(&self.claim, &self.task.vitals()).await
-        } else {
-            self.store.order(&self.claim).await
-        }
+        let beat = async {
+            if due {
+                self.store.heartbeat(&self.claim, &self.task.vitals()).await
+            } else {
+                self.store.order(&self.claim).await
+            }
+        };
+        tokio::time::timeout(ANSWER, beat).await.unwrap_or(Err(StoreError::Busy))
     }
 }

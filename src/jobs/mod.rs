@@ -17,14 +17,12 @@ mod storing;
 mod task;
 mod worker;
 
-use std::num::NonZeroUsize;
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
-use uuid::Uuid;
 
 pub use analyses::{Analyze, Results, analyses};
 pub use compute::{Compute, ComputeError, Urgency, Wanted, WantedWriter};
@@ -39,8 +37,8 @@ use crate::store::{Store, StoreError};
 /// How the workers go about it.
 #[derive(Debug, Clone)]
 pub struct JobsSettings {
-    /// Jobs that run at once. Each may use the whole pool.
-    pub concurrent: NonZeroUsize,
+    /// Jobs that run at once. Each may use the whole pool. 0 where other nodes compute.
+    pub concurrent: usize,
     /// Bytes of memory that they may be estimated to take together.
     pub memory: u64,
     /// How often a running job's phase and progress are written and its lease renewed.
@@ -65,7 +63,7 @@ pub struct JobsSettings {
 impl Default for JobsSettings {
     fn default() -> Self {
         Self {
-            concurrent: NonZeroUsize::MIN,
+            concurrent: 1,
             memory: u64::MAX,
             heartbeat: Duration::from_secs(1),
             order_poll: Duration::from_millis(200),
@@ -103,15 +101,12 @@ impl Jobs {
         analyze: Arc<Analyze>,
         settings: JobsSettings,
     ) -> Result<Self, StoreError> {
-        let process = Uuid::now_v7();
+        let process = store.node();
         let orphans = store.requeue_orphans(process).await?;
         if orphans > 0 {
             tracing::warn!(orphans, "took up the jobs of a process that died");
         }
-        let too_large = store.fail_over_budget().await?;
-        if too_large > 0 {
-            tracing::warn!(too_large, "ended jobs that need more memory than the budget");
-        }
+        end_too_large(&store).await?;
         let wake = Arc::new(Notify::new());
         let jobs = Self {
             gate: Arc::new(MemoryGate::new(settings.memory, Arc::clone(&wake))),
@@ -122,8 +117,9 @@ impl Jobs {
             settings: settings.clone(),
         };
         tokio::spawn(settings.retention.keep(store.clone(), jobs.stop.clone()));
+        tokio::spawn(keep_ending_too_large(store.clone(), jobs.stop.clone()));
         tokio::spawn(shrinking::keep_small(store.clone(), settings.shrinking, jobs.stop.clone()));
-        for _ in 0..settings.concurrent.get() {
+        for _ in 0..settings.concurrent {
             let worker = worker::Worker {
                 store: store.clone(),
                 compute: compute.clone(),
@@ -143,7 +139,7 @@ impl Jobs {
     /// Whether every worker is there: one that panicked claims nothing more.
     #[must_use]
     pub fn are_alive(&self) -> bool {
-        self.workers.len() == self.settings.concurrent.get()
+        self.workers.len() == self.settings.concurrent
     }
 
     /// Bytes of memory that running jobs are estimated to take together.
@@ -165,6 +161,30 @@ impl Jobs {
         if tokio::time::timeout(grace, self.workers.wait()).await.is_err() {
             self.halt.cancel();
             self.workers.wait().await;
+        }
+    }
+}
+
+/// Between two looks for jobs that no node can run any more.
+const TOO_LARGE: Duration = Duration::from_mins(10);
+
+async fn end_too_large(store: &Store) -> Result<(), StoreError> {
+    let too_large = store.fail_over_budget().await?;
+    if too_large > 0 {
+        tracing::warn!(too_large, "ended jobs that need more memory than the budget");
+    }
+    Ok(())
+}
+
+/// The largest node may have gone for good, and nobody else can take what was left to it.
+async fn keep_ending_too_large(store: Store, stop: CancellationToken) {
+    loop {
+        tokio::select! {
+            () = tokio::time::sleep(TOO_LARGE) => {}
+            () = stop.cancelled() => return,
+        }
+        if let Err(error) = end_too_large(&store).await {
+            tracing::warn!(%error, "jobs that no node can run are not ended; it is tried again");
         }
     }
 }

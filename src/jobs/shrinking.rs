@@ -18,8 +18,10 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Shortens the file whenever it has many free pages, until `stop`; looks every `every`.
 pub(super) async fn keep_small(store: Store, every: Duration, stop: CancellationToken) {
     match store.can_shrink().await {
-        Ok(true) => {}
-        Ok(false) => {
+        Ok(Some(true)) => {}
+        // A server looks after its own space.
+        Ok(None) => return,
+        Ok(Some(false)) => {
             tracing::info!(
                 "the database file was made by an older version and keeps its size when data is deleted, which makes \
                  room within it; `chladni compact` shortens it and lets it shrink by itself from then on"

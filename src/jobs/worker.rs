@@ -2,8 +2,9 @@
 
 use std::pin::pin;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
-use tokio::sync::Notify;
+use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
@@ -15,7 +16,12 @@ use super::heartbeat::Heartbeat;
 use super::memory_gate::{MemoryGate, Reservation};
 use super::storing::store_arrays;
 use super::task::Task;
-use crate::store::{Claim, JobRecord, JobState, Milliseconds, Order, Store, StoreError};
+use crate::cloud::PointCloud;
+use crate::store::{Claim, JobRecord, JobState, Milliseconds, Order, Store, StoreError, Vitals};
+
+/// How long a database that cannot be reached is waited for, and between two attempts to reach it.
+const PATIENCE: Duration = Duration::from_secs(45);
+const RETRY: Duration = Duration::from_millis(500);
 
 pub(super) struct Worker {
     pub(super) store: Store,
@@ -33,6 +39,7 @@ impl Worker {
     /// Works until the service stops.
     pub(super) async fn work(self) {
         let mut told = false;
+        let mut arrivals = self.store.arrivals();
         while !self.stop.is_cancelled() {
             match self.claim().await {
                 Ok(Some((claim, reservation))) => {
@@ -40,13 +47,13 @@ impl Worker {
                     self.run_to_end(&claim, &reservation).await;
                     drop(reservation);
                 }
-                Ok(None) => self.rest().await,
+                Ok(None) => self.rest(&mut arrivals).await,
                 Err(error) => {
                     // It is asked again every second: once is enough for the log.
                     if !std::mem::replace(&mut told, true) {
                         tracing::error!(%error, "no job can be claimed");
                     }
-                    self.rest().await;
+                    self.rest(&mut arrivals).await;
                 }
             }
         }
@@ -58,9 +65,11 @@ impl Worker {
         self.gate.claim(&self.store, self.process).await
     }
 
-    async fn rest(&self) {
+    /// Until there may be something to do: room for a job, a job, or a lease that ran out.
+    async fn rest(&self, arrivals: &mut watch::Receiver<u64>) {
         tokio::select! {
             () = self.wake.notified() => {}
+            _ = arrivals.changed() => {}
             () = tokio::time::sleep(self.settings.poll) => {}
             () = self.stop.cancelled() => {}
         }
@@ -116,7 +125,7 @@ impl Worker {
     }
 
     async fn attempt(&self, claim: &Claim, task: &Task) -> Result<JobState, AttemptError> {
-        let cloud = Arc::new(self.store.load_cloud(claim.job.cloud_id).await?);
+        let cloud = self.cloud(claim.job.cloud_id).await?;
         let (kind, parameters) = (claim.job.kind, claim.job.parameters.clone());
         let (analyze, progress) = (Arc::clone(&self.analyze), Arc::clone(&task.progress));
         let analyzed = Arc::clone(&cloud);
@@ -127,8 +136,51 @@ impl Worker {
         })?;
         let vitals = task.vitals();
         let results: Arc<dyn Results> = Arc::from(results);
-        store_arrays(&self.store, &self.compute, claim, &cloud, &results).await?;
-        Ok(self.store.finish(claim, results.report(), &vitals).await?)
+        let until = Instant::now() + PATIENCE;
+        loop {
+            // Stored again from its beginning: what a lost connection had stored of it is cleared first.
+            match self.keep(claim, &cloud, &results, &vitals).await {
+                Err(error) => self.wait_for_database(error, until).await?,
+                ended => return ended,
+            }
+        }
+    }
+
+    async fn cloud(&self, id: Uuid) -> Result<Arc<PointCloud>, AttemptError> {
+        let until = Instant::now() + PATIENCE;
+        loop {
+            match self.store.load_cloud(id).await {
+                Err(error) => self.wait_for_database(error.into(), until).await?,
+                Ok(cloud) => return Ok(Arc::new(cloud)),
+            }
+        }
+    }
+
+    async fn keep(
+        &self,
+        claim: &Claim,
+        cloud: &Arc<PointCloud>,
+        results: &Arc<dyn Results>,
+        vitals: &Vitals,
+    ) -> Result<JobState, AttemptError> {
+        store_arrays(&self.store, &self.compute, claim, cloud, results).await?;
+        Ok(self.store.finish(claim, results.report(), vitals).await?)
+    }
+
+    /// Waits a moment when the database cannot be reached, for less than the time of a lease in all: then the job may be
+    /// another node's. A result that took hours is not thrown away because a server was restarted. Any other error is given
+    /// back.
+    async fn wait_for_database(&self, error: AttemptError, until: Instant) -> Result<(), AttemptError> {
+        match error {
+            AttemptError::Store(StoreError::Unreachable(cause)) if Instant::now() < until => {
+                tracing::warn!(%cause, "the database cannot be reached; it is tried again");
+            }
+            error => return Err(error),
+        }
+        tokio::select! {
+            () = tokio::time::sleep(RETRY) => Ok(()),
+            () = self.halt.cancelled() => Err(AttemptError::Halted),
+        }
     }
 
     /// Milliseconds to wait before another attempt; twice as long after every further one.
@@ -146,22 +198,20 @@ impl Worker {
     /// Gives a job that has no result its end, or its place in the queue back.
     async fn settle(&self, claim: &Claim, cause: AttemptError) {
         let job = claim.job.id;
-        let settled = match &cause {
+        if let AttemptError::Ordered(Order::Lost) | AttemptError::Store(StoreError::LostClaim) = &cause {
             // Not ours any more: whoever took it decides.
-            AttemptError::Ordered(Order::Lost) | AttemptError::Store(StoreError::LostClaim) => {
-                tracing::warn!(%job, "the claim was lost");
-                return;
-            }
-            AttemptError::Ordered(Order::Cancel) => {
-                self.store.cancel_claimed(claim).await.map(|()| JobState::Canceled)
-            }
-            AttemptError::Halted => self.store.release(claim).await,
-            &AttemptError::Memory { need } => self.store.release_for_memory(claim, need).await,
-            _ => {
-                let (failure, retry) = failure(&cause);
-                self.store.fail(claim, failure, self.delay(retry, claim.job.attempt)).await
-            }
-        };
+            tracing::warn!(%job, "the claim was lost");
+            return;
+        }
+        let until = Instant::now() + PATIENCE;
+        let mut settled = self.end(claim, &cause).await;
+        while matches!(settled, Err(StoreError::Unreachable(_)))
+            && Instant::now() < until
+            && !self.halt.is_cancelled()
+        {
+            tokio::time::sleep(RETRY).await;
+            settled = self.end(claim, &cause).await;
+        }
         match settled {
             Ok(state) => {
                 tracing::warn!(%job, owner = claim.job.owner.name(), state = state.name(), %cause, "job ends without a result");
@@ -171,6 +221,20 @@ impl Worker {
             Err(StoreError::LostClaim) => {}
             // Its lease runs out, and then it is put back.
             Err(error) => tracing::error!(%job, %error, %cause, "a job's end could not be stored"),
+        }
+    }
+
+    async fn end(&self, claim: &Claim, cause: &AttemptError) -> Result<JobState, StoreError> {
+        match cause {
+            AttemptError::Ordered(Order::Cancel) => {
+                self.store.cancel_claimed(claim).await.map(|()| JobState::Canceled)
+            }
+            AttemptError::Halted => self.store.release(claim).await,
+            &AttemptError::Memory { need } => self.store.release_for_memory(claim, need).await,
+            _ => {
+                let (failure, retry) = failure(cause);
+                self.store.fail(claim, failure, self.delay(retry, claim.job.attempt)).await
+            }
         }
     }
 }

@@ -94,9 +94,7 @@ const CHUNK_ROW_BYTES: usize = 90;
 /// row's other columns. So a chunk fills whole pages, or several fill one; of the power of two itself, every page or every
 /// chunk's last page would be half empty.
 pub(super) fn basis_chunk_points(bases: usize) -> usize {
-    let fitting = BASES_CHUNK_BYTES / (size_of::<f64>() * bases.max(1));
-    let power =
-        fitting.checked_ilog2().map_or(0, |power| 1 << power).clamp(BASIS_CHUNK_POINTS_MIN, CHUNK_POINTS);
+    let power = fitting_power(bases);
     if power == CHUNK_POINTS {
         return power;
     }
@@ -106,6 +104,24 @@ pub(super) fn basis_chunk_points(bases: usize) -> usize {
         pages => bytes - PAGE_HEAD - PAGE_LINK * pages,
     };
     ((content - CHUNK_ROW_BYTES) / size_of::<f64>()).max(BASIS_CHUNK_POINTS_MIN)
+}
+
+/// Bytes of the rows into which PostgreSQL cuts a long value
+/// (<https://www.postgresql.org/docs/current/storage-toast.html>; `TOAST_MAX_CHUNK_SIZE` of pages of 8 KiB).
+const PIECE_BYTES: usize = 1996;
+
+/// As [`basis_chunk_points`], for PostgreSQL: as many as fill whole pieces. Of the power of two itself, each chunk would have
+/// one more piece of a few bytes.
+pub(super) fn toasted_basis_chunk_points(bases: usize) -> usize {
+    let power = fitting_power(bases);
+    let pieces = size_of::<f64>() * power / PIECE_BYTES;
+    if power == CHUNK_POINTS || pieces == 0 { power } else { pieces * PIECE_BYTES / size_of::<f64>() }
+}
+
+/// The largest power of two of rows with which a chunk of all bases keeps within its bytes.
+fn fitting_power(bases: usize) -> usize {
+    let fitting = BASES_CHUNK_BYTES / (size_of::<f64>() * bases.max(1));
+    fitting.checked_ilog2().map_or(0, |power| 1 << power).clamp(BASIS_CHUNK_POINTS_MIN, CHUNK_POINTS)
 }
 
 /// Cuts `values` into chunks of `length` numbers.
@@ -249,6 +265,10 @@ mod tests {
         }
         for bases in 1..=8192 {
             assert!(8 * bases * basis_chunk_points(bases) <= BASES_CHUNK_BYTES, "{bases}");
+            assert!(8 * bases * toasted_basis_chunk_points(bases) <= BASES_CHUNK_BYTES, "{bases}");
+        }
+        for (bases, points) in [(64, 8192), (65, 3992), (256, 1996), (257, 998), (1000, 499), (8192, 64)] {
+            assert_eq!(toasted_basis_chunk_points(bases), points, "{bases}");
         }
         assert_eq!(basis_chunk_points(1_000_000), BASIS_CHUNK_POINTS_MIN);
     }

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use futures_util::TryStreamExt;
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
 use super::arrays::Checksum;
+use super::bulk::{CLOUD_CHUNKS, Field, Rows};
+use super::connection::{Connection, Row};
 use super::content::{self, Part};
+use super::jobs::before;
 use super::rows::{cloud_checksum, cloud_record, cloud_with_id, from_word, hex, integer, to_json, word};
 use super::{
     CloudRecord, FieldRecord, Milliseconds, Owner, Page, Store, StoreError, Submitted, detached, off_thread,
@@ -49,17 +50,22 @@ impl Store {
                 off_thread(move || Ok((content::digest(&examined)?, content::duplicates(&examined)))).await?;
             let mut transaction = store.write().await?;
             let known = cloud_with_digest(&mut transaction, &owner, &digest).await?;
-            let cloud_created = known.is_none();
-            let record = if let Some(record) = known {
-                record
+            let (record, cloud_created) = if let Some(record) = known {
+                (record, false)
             } else {
                 if job.is_some() {
                     store.refuse_when_queue_full(&mut transaction, &owner).await?;
                 }
-                let record = describe(&cloud, owner, store.now(), &digest, duplicates);
-                store.refuse_when_owner_full(&mut transaction, &record.owner, record.bytes()).await?;
-                insert_cloud(&mut transaction, &record, &cloud, &digest).await?;
-                record
+                let now = store.now(&mut transaction).await?;
+                let record = describe(&cloud, owner.clone(), now, &digest, duplicates);
+                store.refuse_when_owner_full(&mut transaction, &owner, record.bytes()).await?;
+                if insert_cloud(&mut transaction, &record, &cloud, &digest).await? {
+                    (record, true)
+                } else {
+                    // Another node stored the same content at the same moment.
+                    let same = cloud_with_digest(&mut transaction, &owner, &digest).await?;
+                    (same.ok_or(StoreError::Busy)?, false)
+                }
             };
             let queued = match job {
                 Some((kind, parameters)) => {
@@ -68,8 +74,8 @@ impl Store {
                 None => None,
             };
             transaction.commit().await?;
-            store.announce();
             let job_created = queued.as_ref().is_some_and(|(_, created)| *created);
+            store.announce_arrival();
             Ok(Submitted { cloud: record, job: queued.map(|(job, _)| job), cloud_created, job_created })
         })
         .await
@@ -92,7 +98,7 @@ impl Store {
             let cloud = cloud_with_id(&mut transaction, cloud).await?;
             let (job, job_created) = store.enqueue(&mut transaction, &cloud, kind, &parameters).await?;
             transaction.commit().await?;
-            store.announce();
+            store.announce_arrival();
             Ok(Submitted { cloud, job: Some(job), cloud_created: false, job_created })
         })
         .await
@@ -106,10 +112,12 @@ impl Store {
         let store = self.clone();
         detached(async move {
             let mut transaction = store.write().await?;
-            sqlx::query("UPDATE clouds SET name = ?2 WHERE id = ?1 AND name IS NULL")
+            let name = transaction.text(&name).into_owned();
+            transaction
+                .query("UPDATE clouds SET name = $2 WHERE id = $1 AND name IS NULL")
                 .bind(id)
                 .bind(name)
-                .execute(&mut *transaction)
+                .execute()
                 .await?;
             let cloud = cloud_with_id(&mut transaction, id).await?;
             transaction.commit().await?;
@@ -123,7 +131,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Database`].
     pub async fn cloud(&self, id: Uuid) -> Result<CloudRecord, StoreError> {
-        cloud_with_id(&mut *self.readers.acquire().await?, id).await
+        cloud_with_id(&mut self.reader().await?, id).await
     }
 
     /// A cloud with its points, fields and faces, digest checked.
@@ -142,12 +150,12 @@ impl Store {
             fields.push(ScalarField { name: field.name.clone(), kind: field.kind, values });
         }
         for part in Part::all(fields.len()) {
-            let mut chunks = sqlx::query(
-                "SELECT encoding, data FROM cloud_chunks WHERE cloud_id = ?1 AND part = ?2 ORDER BY chunk",
+            let mut chunks = snapshot.query(
+                "SELECT encoding, data FROM cloud_chunks WHERE cloud_id = $1 AND part = $2 ORDER BY chunk",
             )
             .bind(id)
             .bind(part.name())
-            .fetch(&mut *snapshot);
+            .fetch();
             while let Some(row) = chunks.try_next().await? {
                 match part {
                     Part::Coordinates => read_numbers(&row, &mut coordinates)?,
@@ -167,14 +175,17 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn owns(&self, owner: &Owner, id: Uuid) -> Result<bool, StoreError> {
-        let owns = sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM clouds WHERE id = ?1 AND owner = ?2) \
-             OR EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND owner = ?2)",
-        )
-        .bind(id)
-        .bind(owner.name())
-        .fetch_one(&self.readers)
-        .await?;
+        let owns = self
+            .reader()
+            .await?
+            .query(
+                "SELECT EXISTS (SELECT 1 FROM clouds WHERE id = $1 AND owner = $2) \
+             OR EXISTS (SELECT 1 FROM jobs WHERE id = $1 AND owner = $2)",
+            )
+            .bind(id)
+            .bind(owner.name())
+            .scalar()
+            .await?;
         Ok(owns)
     }
 
@@ -188,13 +199,14 @@ impl Store {
         cursor: Option<Uuid>,
         limit: u32,
     ) -> Result<Page<CloudRecord>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("SELECT * FROM clouds WHERE owner = ");
-        query.push_bind(owner.name().to_owned());
-        if let Some(cursor) = cursor {
-            query.push(" AND id < ").push_bind(cursor);
-        }
-        query.push(" ORDER BY id DESC LIMIT ").push_bind(i64::from(limit.max(1)) + 1);
-        let rows = query.build().fetch_all(&self.readers).await?;
+        let mut reader = self.reader().await?;
+        let rows = reader
+            .query("SELECT * FROM clouds WHERE owner = $1 AND id <= $2 ORDER BY id DESC LIMIT $3")
+            .bind(owner.name())
+            .bind(before(cursor))
+            .bind(i64::from(limit.max(1)) + 1)
+            .fetch_all()
+            .await?;
         let page =
             rows.iter().map(|row| Ok((row.try_get("id")?, row))).collect::<Result<Vec<_>, StoreError>>()?;
         let Page { items, next } = Page::cut(page, limit, |(id, _)| *id);
@@ -219,18 +231,26 @@ impl Store {
         let store = self.clone();
         detached(async move {
             let mut transaction = store.write().await?;
-            let in_use: bool = sqlx::query_scalar(
-                "SELECT EXISTS (SELECT 1 FROM jobs WHERE cloud_id = ?1 AND state IN ('queued', 'running'))",
+            // On PostgreSQL another node may be queuing a job on it: that one waits, and then finds no cloud.
+            transaction
+                .query_either(
+                    "SELECT id FROM clouds WHERE id = $1",
+                    "SELECT id FROM clouds WHERE id = $1 FOR UPDATE",
+                )
+                .bind(id)
+                .fetch_optional()
+                .await?;
+            let in_use: bool = transaction.query(
+                "SELECT EXISTS (SELECT 1 FROM jobs WHERE cloud_id = $1 AND state IN ('queued', 'running'))",
             )
             .bind(id)
-            .fetch_one(&mut *transaction)
+            .scalar()
             .await?;
             if in_use {
                 return Err(StoreError::CloudInUse);
             }
-            let deleted =
-                sqlx::query("DELETE FROM clouds WHERE id = ?1").bind(id).execute(&mut *transaction).await?;
-            if deleted.rows_affected() == 0 {
+            let deleted = transaction.query("DELETE FROM clouds WHERE id = $1").bind(id).execute().await?;
+            if deleted == 0 {
                 return Err(StoreError::NotFound);
             }
             transaction.commit().await?;
@@ -269,16 +289,17 @@ fn describe(
     }
 }
 
+/// False when the owner has a cloud of this digest.
 async fn insert_cloud(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     record: &CloudRecord,
     cloud: &PointCloud,
     digest: &Checksum,
-) -> Result<(), StoreError> {
-    sqlx::query(
+) -> Result<bool, StoreError> {
+    let inserted = connection.query(
         "INSERT INTO clouds (id, owner, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
          coordinate_type, fields, faces, grids, bytes, checksum, origin) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16)",
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16) ON CONFLICT (owner, digest) DO NOTHING",
     )
     .bind(record.id)
     .bind(record.owner.name())
@@ -293,63 +314,63 @@ async fn insert_cloud(
     .bind(to_json(&record.fields)?)
     .bind(integer(record.faces))
     .bind(record.grids.map(|grids| to_json(&grids)).transpose()?)
-    .bind(0)
+    .bind(0_i64)
     .bind(cloud_checksum(record)?.as_slice())
     .bind((!record.origin.is_empty()).then(|| to_json(&record.origin)).transpose()?)
-    .execute(&mut *connection)
+    .execute()
     .await?;
+    if inserted == 0 {
+        return Ok(false);
+    }
     let mut bytes = 0;
+    let mut rows = Rows::into(connection, CLOUD_CHUNKS).await?;
     for part in Part::all(record.fields.len()) {
         // Cut one by one: a second copy of the whole cloud never exists.
         let mut chunk = 0;
         while let Some((encoding, data)) = part.chunk(cloud, chunk) {
             bytes += data.len();
-            sqlx::query(
-                "INSERT INTO cloud_chunks (cloud_id, part, chunk, encoding, data) VALUES (?1, ?2, ?3, ?4, ?5)",
-            )
-            .bind(record.id)
-            .bind(part.name())
-            .bind(integer(chunk))
-            .bind(word(&encoding)?)
-            .bind(data)
-            .execute(&mut *connection)
-            .await?;
+            let (id, place) = (Field::Uuid(record.id), Field::Integer(integer(chunk)));
+            let encoding = Field::Text(word(&encoding)?);
+            rows.put([id, Field::Text(part.name()), place, encoding, Field::Bytes(data)]).await?;
             chunk += 1;
         }
     }
-    sqlx::query("UPDATE clouds SET bytes = ?2 WHERE id = ?1")
+    rows.finish().await?;
+    connection
+        .query("UPDATE clouds SET bytes = $2 WHERE id = $1")
         .bind(record.id)
         .bind(integer(bytes))
-        .execute(connection)
+        .execute()
         .await?;
-    Ok(())
+    Ok(true)
 }
 
 async fn cloud_with_digest(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     owner: &Owner,
     digest: &Checksum,
 ) -> Result<Option<CloudRecord>, StoreError> {
-    let row = sqlx::query("SELECT * FROM clouds WHERE owner = ?1 AND digest = ?2")
+    let row = connection
+        .query("SELECT * FROM clouds WHERE owner = $1 AND digest = $2")
         .bind(owner.name())
         .bind(digest.as_slice())
-        .fetch_optional(connection)
+        .fetch_optional()
         .await?;
     row.as_ref().map(cloud_record).transpose()
 }
 
-fn read_numbers(row: &SqliteRow, values: &mut Vec<f64>) -> Result<(), StoreError> {
+fn read_numbers(row: &Row, values: &mut Vec<f64>) -> Result<(), StoreError> {
     content::read_numbers(from_word(row.try_get("encoding")?)?, row.try_get("data")?, values)
 }
 
-fn read_faces(row: &SqliteRow, faces: &mut Vec<[u32; 3]>) -> Result<(), StoreError> {
+fn read_faces(row: &Row, faces: &mut Vec<[u32; 3]>) -> Result<(), StoreError> {
     if content::read_faces(row.try_get("data")?, faces) {
         return Ok(());
     }
     Err(StoreError::Damaged("a chunk of faces has a broken length".to_owned()))
 }
 
-fn read_polygons(row: &SqliteRow, continued: &mut Vec<u32>) -> Result<(), StoreError> {
+fn read_polygons(row: &Row, continued: &mut Vec<u32>) -> Result<(), StoreError> {
     if content::read_polygons(row.try_get("data")?, continued) {
         return Ok(());
     }

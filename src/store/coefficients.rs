@@ -1,11 +1,10 @@
 //! Coefficients of a cloud's own functions in a job's bases: part of the result, for they are asked for more often than
 //! anything else that takes all bases to compute.
 
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 use uuid::Uuid;
 
 use super::arrays::{Checksum, Number, checksum, read_checked, text_checksum};
+use super::connection::Row;
 use super::reading::finished;
 use super::rows::integer;
 use super::{Claim, Store, StoreError, detached};
@@ -37,18 +36,20 @@ impl Store {
             store.check_claim(&mut transaction, &claim).await?;
             for (place, function) in functions.iter().enumerate() {
                 let bytes = f64::write(&function.numbers);
-                sqlx::query(
+                let name = transaction.text(&function.name).into_owned();
+                let head = head_checksum(&name, function.energy);
+                transaction.query(
                     "INSERT INTO coefficients (job_id, place, name, energy, checksum, numbers, head_checksum) \
-                     VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+                     VALUES ($1, $2, $3, $4, $5, $6, $7)",
                 )
                 .bind(claim.job.id)
                 .bind(integer(place))
-                .bind(&function.name)
+                .bind(name)
                 .bind(function.energy)
                 .bind(checksum(place, 0, &bytes).as_slice())
                 .bind(bytes)
-                .bind(head_checksum(&function.name, function.energy).as_slice())
-                .execute(&mut *transaction)
+                .bind(head.as_slice())
+                .execute()
                 .await?;
             }
             transaction.commit().await
@@ -63,17 +64,17 @@ impl Store {
     pub async fn coefficients(&self, job: Uuid) -> Result<Vec<StoredCoefficients>, StoreError> {
         let mut snapshot = self.read().await?;
         finished(&mut snapshot, job).await?;
-        let rows = sqlx::query(
-            "SELECT name, energy, checksum, numbers, head_checksum FROM coefficients WHERE job_id = ?1 ORDER BY place",
+        let rows = snapshot.query(
+            "SELECT name, energy, checksum, numbers, head_checksum FROM coefficients WHERE job_id = $1 ORDER BY place",
         )
         .bind(job)
-        .fetch_all(&mut *snapshot)
+        .fetch_all()
         .await?;
         rows.iter().enumerate().map(|(place, row)| stored_coefficients(place, row)).collect()
     }
 }
 
-fn stored_coefficients(place: usize, row: &SqliteRow) -> Result<StoredCoefficients, StoreError> {
+fn stored_coefficients(place: usize, row: &Row) -> Result<StoredCoefficients, StoreError> {
     let mut numbers = Vec::new();
     read_checked((place, 0), row.try_get("checksum")?, row.try_get("numbers")?, &mut numbers)?;
     let (name, energy): (String, f64) = (row.try_get("name")?, row.try_get("energy")?);

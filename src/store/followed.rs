@@ -8,7 +8,6 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use sqlx::{QueryBuilder, Sqlite};
 use tokio::sync::watch;
 use uuid::Uuid;
 
@@ -75,7 +74,7 @@ impl Store {
             return Ok(channel.subscribe());
         }
         // A change after this is seen below: whoever reads from then on looks for changes since.
-        let mut changes = self.changes.subscribe();
+        let mut changes = self.news.changes.subscribe();
         changes.mark_changed();
         let job = self.job(id).await?;
         if job.state.is_terminal() {
@@ -112,13 +111,13 @@ async fn jobs_with_ids(store: &Store, ids: &[Uuid]) -> Result<Vec<JobRecord>, St
     let mut jobs = Vec::with_capacity(ids.len());
     let mut snapshot = store.read().await?;
     for ids in ids.chunks(BATCH) {
-        let mut query = QueryBuilder::<Sqlite>::new(concat!(select_jobs!(), "WHERE j.id IN ("));
-        let mut list = query.separated(", ");
+        let places: Vec<String> = (1..=ids.len()).map(|place| format!("${place}")).collect();
+        let text = format!(concat!(select_jobs!(), "WHERE j.id IN ({})"), places.join(", "));
+        let mut query = snapshot.query_composed(text);
         for id in ids {
-            list.push_bind(*id);
+            query = query.bind(*id);
         }
-        query.push(")");
-        for row in query.build().fetch_all(&mut *snapshot).await? {
+        for row in query.fetch_all().await? {
             jobs.push(readable_job(&row)?);
         }
     }

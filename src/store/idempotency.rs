@@ -1,9 +1,7 @@
 //! Submissions that clients have named, so that sending one again is not submitting it again.
 
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection};
-
-use super::rows::{cloud_with_id, job_with_id};
+use super::connection::{Connection, Row};
+use super::rows::{cloud_with_id, flag, job_with_id};
 use super::{Milliseconds, Owner, Store, StoreError, Submitted, detached};
 
 /// Milliseconds after which a name is forgotten.
@@ -24,8 +22,9 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn remembered(&self, owner: &Owner, name: &str) -> Result<Option<Remembered>, StoreError> {
-        let mut snapshot = self.readers.begin().await?;
-        remembered(&mut snapshot, owner, name, self.now() - REMEMBERED).await
+        let mut snapshot = self.read().await?;
+        let since = self.now(&mut snapshot).await? - REMEMBERED;
+        remembered(&mut snapshot, owner, name, since).await
     }
 
     /// Names a submission. Of two requests under one name at the same time the first counts: it is returned.
@@ -42,25 +41,25 @@ impl Store {
         let (store, owner) = (self.clone(), owner.clone());
         detached(async move {
             let mut transaction = store.write().await?;
-            let now = store.now();
-            sqlx::query("DELETE FROM idempotency_keys WHERE created < ?1")
+            let now = store.now(&mut transaction).await?;
+            transaction.query("DELETE FROM idempotency_keys WHERE created < $1")
                 .bind(now - REMEMBERED)
-                .execute(&mut *transaction)
+                .execute()
                 .await?;
-            sqlx::query(
+            transaction.query(
                 "INSERT INTO idempotency_keys (name, request, created, cloud_id, job_id, cloud_created, job_created, owner) \
-                 SELECT ?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8 WHERE EXISTS (SELECT 1 FROM clouds WHERE id = ?4) \
-                 AND (?5 IS NULL OR EXISTS (SELECT 1 FROM jobs WHERE id = ?5)) ON CONFLICT (owner, name) DO NOTHING",
+                 SELECT $1, $2, $3, $4, $5, $6, $7, $8 WHERE EXISTS (SELECT 1 FROM clouds WHERE id = $4) \
+                 AND ($5 IS NULL OR EXISTS (SELECT 1 FROM jobs WHERE id = $5)) ON CONFLICT (owner, name) DO NOTHING",
             )
             .bind(&name)
             .bind(request.as_slice())
             .bind(now)
             .bind(submitted.cloud.id)
             .bind(submitted.job.as_ref().map(|job| job.id))
-            .bind(submitted.cloud_created)
-            .bind(submitted.job_created)
+            .bind(i64::from(submitted.cloud_created))
+            .bind(i64::from(submitted.job_created))
             .bind(owner.name())
-            .execute(&mut *transaction)
+            .execute()
             .await?;
             let found = remembered(&mut transaction, &owner, &name, now - REMEMBERED).await?;
             transaction.commit().await?;
@@ -71,16 +70,17 @@ impl Store {
 }
 
 async fn remembered(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     owner: &Owner,
     name: &str,
     since: Milliseconds,
 ) -> Result<Option<Remembered>, StoreError> {
-    let row = sqlx::query("SELECT * FROM idempotency_keys WHERE owner = ?1 AND name = ?2 AND created >= ?3")
+    let row = connection
+        .query("SELECT * FROM idempotency_keys WHERE owner = $1 AND name = $2 AND created >= $3")
         .bind(owner.name())
         .bind(name)
         .bind(since)
-        .fetch_optional(&mut *connection)
+        .fetch_optional()
         .await?;
     let Some(row) = row else { return Ok(None) };
     let cloud = cloud_with_id(connection, row.try_get("cloud_id")?).await?;
@@ -88,12 +88,12 @@ async fn remembered(
         Some(id) => Some(job_with_id(connection, id).await?),
         None => None,
     };
-    let (cloud_created, job_created) = (row.try_get("cloud_created")?, row.try_get("job_created")?);
+    let (cloud_created, job_created) = (flag(&row, "cloud_created")?, flag(&row, "job_created")?);
     let submitted = Submitted { cloud, job, cloud_created, job_created };
     Ok(Some(Remembered { request: request(&row)?, submitted }))
 }
 
-fn request(row: &SqliteRow) -> Result<[u8; 32], StoreError> {
+fn request(row: &Row) -> Result<[u8; 32], StoreError> {
     let bytes: Vec<u8> = row.try_get("request")?;
     bytes
         .try_into()

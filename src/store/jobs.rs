@@ -3,10 +3,11 @@
 use std::collections::HashMap;
 
 use futures_util::TryStreamExt;
-use sqlx::{QueryBuilder, Sqlite, SqliteConnection};
 use uuid::Uuid;
 
-use super::arrays::basis_chunk_points;
+use super::arrays::{basis_chunk_points, toasted_basis_chunk_points};
+use super::connection::Connection;
+use super::engine::Engine;
 use super::line::place;
 use super::rows::{from_word, integer, job_with_id, readable_job, select_jobs, to_json, word};
 use super::{CloudRecord, JobRecord, JobState, Milliseconds, Owner, Page, Store, StoreError, detached};
@@ -44,7 +45,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::NotFound`], [`StoreError::Database`].
     pub async fn job(&self, id: Uuid) -> Result<JobRecord, StoreError> {
-        job_with_id(&mut *self.readers.acquire().await?, id).await
+        job_with_id(&mut self.reader().await?, id).await
     }
 
     /// Jobs of an owner, newest first, after `cursor`; their reports come without spectra, which may be a hundred
@@ -60,25 +61,34 @@ impl Store {
         cursor: Option<Uuid>,
         limit: u32,
     ) -> Result<Page<JobRecord>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(concat!(
-            select_jobs!("json_remove(j.report, '$.spectrum')", "NULL"),
-            "WHERE j.owner = "
-        ));
-        query.push_bind(owner.name().to_owned());
-        if let Some(state) = state {
-            query.push(" AND j.state = ").push_bind(word(&state)?);
-        }
-        if let Some(cloud) = cloud {
-            query.push(" AND j.cloud_id = ").push_bind(cloud);
-        }
-        if let Some(cursor) = cursor {
-            query.push(" AND j.id < ").push_bind(cursor);
-        }
-        query.push(" ORDER BY j.id DESC LIMIT ").push_bind(i64::from(limit.max(1)) + 1);
-        let mut records = Vec::new();
         let mut snapshot = self.read().await?;
+        let mut text = if snapshot.is_postgres() {
+            select_jobs!("(CAST(j.report AS jsonb) - 'spectrum')::text", "CAST(NULL AS BYTEA)").to_owned()
+        } else {
+            select_jobs!("json_remove(j.report, '$.spectrum')", "NULL").to_owned()
+        };
+        text.push_str("WHERE j.owner = $1 AND j.id <= $2");
+        text.push_str(match (state.is_some(), cloud.is_some()) {
+            (false, false) => " ORDER BY j.id DESC LIMIT $3",
+            (true, false) => " AND j.state = $4 ORDER BY j.id DESC LIMIT $3",
+            (false, true) => " AND j.cloud_id = $4 ORDER BY j.id DESC LIMIT $3",
+            (true, true) => " AND j.state = $4 AND j.cloud_id = $5 ORDER BY j.id DESC LIMIT $3",
+        });
+        let state = state.map(|state| word(&state)).transpose()?;
+        let mut records = Vec::new();
         {
-            let mut rows = query.build().fetch(&mut *snapshot);
+            let mut query = snapshot
+                .query_composed(text)
+                .bind(owner.name())
+                .bind(before(cursor))
+                .bind(i64::from(limit.max(1)) + 1);
+            if let Some(state) = state {
+                query = query.bind(state);
+            }
+            if let Some(cloud) = cloud {
+                query = query.bind(cloud);
+            }
+            let mut rows = query.fetch();
             while let Some(row) = rows.try_next().await? {
                 records.push(readable_job(&row)?);
                 // Rows that are ready already come without a pause: let others onto this thread between them.
@@ -94,8 +104,11 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn jobs_by_state(&self) -> Result<HashMap<JobState, u64>, StoreError> {
-        let counts: Vec<(String, i64)> = sqlx::query_as("SELECT state, count(*) FROM jobs GROUP BY state")
-            .fetch_all(&self.readers)
+        let counts: Vec<(String, i64)> = self
+            .reader()
+            .await?
+            .query("SELECT state, count(*) FROM jobs GROUP BY state")
+            .fetch_all_as()
             .await?;
         counts.into_iter().map(|(state, jobs)| Ok((from_word(&state)?, jobs as u64))).collect()
     }
@@ -105,11 +118,11 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn oldest_queued_seconds(&self) -> Result<f64, StoreError> {
+        let mut reader = self.reader().await?;
         let oldest: Option<Milliseconds> =
-            sqlx::query_scalar("SELECT min(created) FROM jobs WHERE state = 'queued'")
-                .fetch_one(&self.readers)
-                .await?;
-        Ok(oldest.map_or(0.0, |created| (self.now() - created).max(0) as f64 / 1e3))
+            reader.query("SELECT min(created) FROM jobs WHERE state = 'queued'").scalar().await?;
+        let now = self.now(&mut reader).await?;
+        Ok(oldest.map_or(0.0, |created| (now - created).max(0) as f64 / 1e3))
     }
 
     /// Asks to cancel: a queued job ends at once, a running one at its next heartbeat and never with a result. A
@@ -141,11 +154,11 @@ impl Store {
             store.mark_canceled(&mut transaction, id).await?;
             let terminal = job_with_id(&mut transaction, id).await?.state.is_terminal();
             let statement = if terminal {
-                "DELETE FROM jobs WHERE id = ?1"
+                "DELETE FROM jobs WHERE id = $1"
             } else {
-                "UPDATE jobs SET delete_requested = 1 WHERE id = ?1"
+                "UPDATE jobs SET delete_requested = 1 WHERE id = $1"
             };
-            sqlx::query(statement).bind(id).execute(&mut *transaction).await?;
+            transaction.query(statement).bind(id).execute().await?;
             transaction.commit().await?;
             store.announce();
             Ok(terminal)
@@ -153,74 +166,76 @@ impl Store {
         .await
     }
 
-    async fn mark_canceled(&self, connection: &mut SqliteConnection, id: Uuid) -> Result<(), StoreError> {
-        sqlx::query(
-            "UPDATE jobs SET cancel_requested = 1, \
-             finished = CASE state WHEN 'queued' THEN ?2 END, \
+    async fn mark_canceled(&self, connection: &mut Connection, id: Uuid) -> Result<(), StoreError> {
+        let now = self.now(connection).await?;
+        connection
+            .query(
+                "UPDATE jobs SET cancel_requested = 1, \
+             finished = CASE state WHEN 'queued' THEN $2 END, \
              state = CASE state WHEN 'queued' THEN 'canceled' ELSE state END \
-             WHERE id = ?1 AND state IN ('queued', 'running')",
-        )
-        .bind(id)
-        .bind(self.now())
-        .execute(connection)
-        .await?;
+             WHERE id = $1 AND state IN ('queued', 'running')",
+            )
+            .bind(id)
+            .bind(now)
+            .execute()
+            .await?;
         Ok(())
     }
 
     /// The job that does this analysis: the one that is there, else a new one (true).
     ///
-    /// The caller holds the write lock, so what is looked up here cannot change before the insertion; the index
-    /// `jobs_once` says the same to every other writer.
+    /// On SQLite the caller holds the write lock, so what is looked up here cannot change before the insertion. On
+    /// PostgreSQL another node may be as fast: the index `jobs_once` lets one of them in, and the other finds its job. Nodes
+    /// that count a queue or what an owner has at the same moment may each let one more in than the limit allows.
     pub(super) async fn enqueue(
         &self,
-        connection: &mut SqliteConnection,
+        connection: &mut Connection,
         cloud: &CloudRecord,
         kind: JobKind,
         parameters: &Parameters,
     ) -> Result<(JobRecord, bool), StoreError> {
         let memory = memory_estimate(cloud.points, cloud.dimension, cloud.faces, kind, parameters);
-        let chunk_points = basis_chunk_points(parameters.bases);
+        let chunk_points = if connection.is_postgres() {
+            toasted_basis_chunk_points(parameters.bases)
+        } else {
+            basis_chunk_points(parameters.bases)
+        };
         let bytes = result_bytes(cloud.points, kind, parameters.bases);
         // Fields in the order of their declaration, numbers in their shortest form: equal parameters, equal text.
         let (kind, parameters) = (word(&kind)?, to_json(parameters)?);
-        let same = sqlx::query(concat!(
-            select_jobs!(),
-            "WHERE j.cloud_id = ?1 AND j.kind = ?2 AND j.parameters = ?3 \
-             AND j.state IN ('queued', 'running', 'succeeded') AND j.cancel_requested = 0"
-        ))
-        .bind(cloud.id)
-        .bind(&kind)
-        .bind(&parameters)
-        .fetch_optional(&mut *connection)
-        .await?;
-        if let Some(row) = same {
-            let mut job = readable_job(&row)?;
-            place(connection, std::slice::from_mut(&mut job)).await?;
+        if let Some(job) = same_job(connection, cloud.id, &kind, &parameters).await? {
             return Ok((job, false));
         }
-        let budget = self.settings.memory_budget;
+        let budget = Engine::memory_budget(connection, &self.settings).await?;
         if memory > budget {
             return Err(StoreError::OverBudget { need: memory, budget });
         }
         let owner = &cloud.owner;
         self.refuse_when_queue_full(connection, owner).await?;
         self.refuse_when_owner_full(connection, owner, bytes).await?;
-        let id = Uuid::now_v7();
-        sqlx::query(
+        let (id, now) = (Uuid::now_v7(), self.now(connection).await?);
+        let inserted = connection.query(
             "INSERT INTO jobs (id, owner, cloud_id, created, kind, parameters, memory, chunk_points, bytes, state) \
-             VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, 'queued')",
+             VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, 'queued') \
+             ON CONFLICT (cloud_id, kind, parameters) \
+             WHERE state IN ('queued', 'running', 'succeeded') AND cancel_requested = 0 DO NOTHING",
         )
         .bind(id)
         .bind(owner.name())
         .bind(cloud.id)
-        .bind(self.now())
-        .bind(kind)
-        .bind(parameters)
+        .bind(now)
+        .bind(&kind)
+        .bind(&parameters)
         .bind(integer(memory))
         .bind(integer(chunk_points))
         .bind(integer(bytes))
-        .execute(&mut *connection)
+        .execute()
         .await?;
+        if inserted == 0 {
+            // It may have ended between the two statements; whoever asks again gets a job of their own.
+            let same = same_job(connection, cloud.id, &kind, &parameters).await?;
+            return Ok((same.ok_or(StoreError::Busy)?, false));
+        }
         Ok((job_with_id(connection, id).await?, true))
     }
 
@@ -228,17 +243,18 @@ impl Store {
     /// is let in even when others have filled the queue.
     pub(super) async fn refuse_when_queue_full(
         &self,
-        connection: &mut SqliteConnection,
+        connection: &mut Connection,
         owner: &Owner,
     ) -> Result<(), StoreError> {
         let (limit, own_limit) = (self.settings.queue_max, self.settings.queue_max_per_owner);
-        let (queued, own): (i64, i64) = sqlx::query_as(
-            "SELECT (SELECT count(*) FROM jobs WHERE state = 'queued'), \
-             (SELECT count(*) FROM jobs WHERE state = 'queued' AND owner = ?1)",
-        )
-        .bind(owner.name())
-        .fetch_one(connection)
-        .await?;
+        let (queued, own): (i64, i64) = connection
+            .query(
+                "SELECT (SELECT count(*) FROM jobs WHERE state = 'queued'), \
+             (SELECT count(*) FROM jobs WHERE state = 'queued' AND owner = $1)",
+            )
+            .bind(owner.name())
+            .fetch_one_as()
+            .await?;
         if own as u64 >= own_limit {
             return Err(StoreError::OwnerQueueFull { limit: own_limit });
         }
@@ -251,7 +267,7 @@ impl Store {
     /// Refuses what would make an owner's clouds and results take more than they may.
     pub(super) async fn refuse_when_owner_full(
         &self,
-        connection: &mut SqliteConnection,
+        connection: &mut Connection,
         owner: &Owner,
         more: u64,
     ) -> Result<(), StoreError> {
@@ -259,19 +275,50 @@ impl Store {
         if limit == u64::MAX {
             return Ok(());
         }
-        let stored: i64 = sqlx::query_scalar(
-            "SELECT (SELECT coalesce(sum(bytes), 0) FROM clouds WHERE owner = ?1) \
-             + (SELECT coalesce(sum(bytes), 0) FROM jobs WHERE owner = ?1 AND state IN ('queued', 'running', 'succeeded'))",
-        )
-        .bind(owner.name())
-        .fetch_one(connection)
-        .await?;
+        let stored: i64 = connection
+            .query(
+                "SELECT CAST((SELECT coalesce(sum(bytes), 0) FROM clouds WHERE owner = $1) \
+             + (SELECT coalesce(sum(bytes), 0) FROM jobs WHERE owner = $1 \
+             AND state IN ('queued', 'running', 'succeeded')) AS BIGINT)",
+            )
+            .bind(owner.name())
+            .scalar()
+            .await?;
         let stored = stored as u64;
         if stored.saturating_add(more) > limit {
             return Err(StoreError::OwnerStorageFull { stored, more, limit });
         }
         Ok(())
     }
+}
+
+/// The job that does this analysis, unless it failed or is being canceled.
+async fn same_job(
+    connection: &mut Connection,
+    cloud: Uuid,
+    kind: &str,
+    parameters: &str,
+) -> Result<Option<JobRecord>, StoreError> {
+    let same = connection
+        .query(concat!(
+            select_jobs!(),
+            "WHERE j.cloud_id = $1 AND j.kind = $2 AND j.parameters = $3 \
+             AND j.state IN ('queued', 'running', 'succeeded') AND j.cancel_requested = 0"
+        ))
+        .bind(cloud)
+        .bind(kind)
+        .bind(parameters)
+        .fetch_optional()
+        .await?;
+    let Some(row) = same else { return Ok(None) };
+    let mut job = readable_job(&row)?;
+    place(connection, std::slice::from_mut(&mut job)).await?;
+    Ok(Some(job))
+}
+
+/// The largest id that comes before `cursor`; any at all without one.
+pub(super) fn before(cursor: Option<Uuid>) -> Uuid {
+    cursor.map_or(Uuid::max(), |cursor| Uuid::from_u128(cursor.as_u128().saturating_sub(1)))
 }
 
 /// Bytes of the result of a job before it is known: mass and bases, or a matrix of as many entries per row as the heat

@@ -1,8 +1,8 @@
 //! The order in which waiting jobs are served: owners take turns, and each owner's jobs go in the order of submission.
 
-use sqlx::SqliteConnection;
 use uuid::Uuid;
 
+use super::connection::Connection;
 use super::{JobRecord, StoreError};
 
 /// An owner with jobs that wait.
@@ -20,12 +20,15 @@ struct Waiting {
 pub(super) struct Line(Vec<Waiting>);
 
 impl Line {
-    pub(super) async fn read(connection: &mut SqliteConnection) -> Result<Self, StoreError> {
-        let rows: Vec<(String, i64, i64, Uuid)> = sqlx::query_as(
+    pub(super) async fn read(connection: &mut Connection) -> Result<Self, StoreError> {
+        let rows: Vec<(String, i64, i64, Uuid)> = connection.query_either(
             "SELECT j.owner, count(*), coalesce(t.turn, 0), min(j.id) FROM jobs j LEFT JOIN turns t ON t.owner = j.owner \
              WHERE j.state = 'queued' GROUP BY j.owner",
+            // There is no smallest UUID before version 18.
+            "SELECT j.owner, count(*), coalesce(t.turn, 0), (array_agg(j.id ORDER BY j.id))[1] \
+             FROM jobs j LEFT JOIN turns t ON t.owner = j.owner WHERE j.state = 'queued' GROUP BY j.owner, t.turn",
         )
-        .fetch_all(connection)
+        .fetch_all_as()
         .await?;
         let waiting = |(owner, jobs, turn, first)| Waiting { owner, jobs: jobs as u64, turn, first };
         Ok(Self(rows.into_iter().map(|row: (String, i64, i64, Uuid)| waiting(row)).collect()))
@@ -46,10 +49,7 @@ impl Line {
 }
 
 /// Gives queued jobs, which come with the number of their owner's jobs before them, their place among all jobs.
-pub(super) async fn place(
-    connection: &mut SqliteConnection,
-    jobs: &mut [JobRecord],
-) -> Result<(), StoreError> {
+pub(super) async fn place(connection: &mut Connection, jobs: &mut [JobRecord]) -> Result<(), StoreError> {
     if jobs.iter().all(|job| job.queue_position.is_none()) {
         return Ok(());
     }

@@ -1,53 +1,66 @@
-//! The embedded database: clouds, jobs and results. The only module that writes SQL.
+//! The database: clouds, jobs and results. The only module that writes SQL.
 //!
-//! No SQLite type appears in a signature: a second engine can take this one's place.
+//! Two engines hold it: an SQLite file that one process serves (`sqlite/`), or a PostgreSQL database that many nodes share
+//! (`postgres/`). `connection.rs` makes one text of a statement do for both; no engine's type appears in a public
+//! signature.
 //!
-//! One connection writes, so writers queue in this process instead of failing at the file's lock; many read, each from
-//! the snapshot at which its reading began, records and arrays by connections of their own. A write that has begun runs to its end even if whoever asked for it goes
-//! away, because a handler's future is dropped when its client disconnects.
+//! A write that has begun runs to its end even if whoever asked for it goes away, because a handler's future is dropped when
+//! its client disconnects.
 
+mod address;
 mod arrays;
+mod bulk;
 mod claims;
 mod clouds;
 mod coefficients;
+mod columns;
+mod connection;
 mod content;
-mod copies;
-mod database;
+mod engine;
 mod error;
 mod followed;
 mod idempotency;
 mod jobs;
 mod line;
-mod lock;
+mod moving;
 mod owner;
+mod postgres;
 mod queue;
 mod reading;
 mod records;
 mod results;
 mod retention;
+mod room;
 mod rows;
 mod settings;
 mod space;
+mod sqlite;
 mod write;
 
 use std::future::Future;
 use std::path::Path;
 use std::sync::Arc;
 
-use sqlx::{Sqlite, SqlitePool, Transaction};
 use tokio::sync::watch;
+use uuid::Uuid;
 
+use connection::Connection;
+use engine::Engine;
+use settings::Time;
+
+pub use address::DatabaseAddress;
 pub use coefficients::StoredCoefficients;
 pub use error::StoreError;
 pub use idempotency::{REMEMBERED, Remembered};
-pub use lock::DatabaseLock;
+pub use moving::Moved;
 pub use owner::Owner;
 pub use records::{
     Claim, CloudRecord, FieldRecord, JobFailure, JobRecord, JobState, Order, Page, Submitted, Vitals,
 };
 pub use results::{ArrayName, BasisValues, Numbers};
-pub use settings::{Clock, StoreSettings};
+pub use settings::{Clock, NodeSettings, StoreSettings};
 pub use space::Space;
+pub use sqlite::DatabaseLock;
 
 /// Points per chunk: every array of n numbers is stored as rows of this many little-endian numbers; bases of fewer, when
 /// there are many of them (see [`JobRecord::chunk_points`]).
@@ -59,15 +72,12 @@ pub type Milliseconds = i64;
 /// Handle to the database; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Store {
-    writer: SqlitePool,
-    /// For records.
-    readers: SqlitePool,
-    /// For clouds and results.
-    arrays: SqlitePool,
+    engine: Engine,
+    /// This process, as it stands at the jobs that it runs.
+    node: Uuid,
     settings: Arc<StoreSettings>,
-    disk: space::Disk,
     last_commit: write::LastCommit,
-    changes: watch::Sender<u64>,
+    news: News,
     followed: followed::Followed,
 }
 
@@ -85,31 +95,52 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn open_with(path: &Path, settings: StoreSettings) -> Result<Self, StoreError> {
-        let (writer, readers, arrays) = database::open(path, &settings).await?;
-        let disk = space::Disk::of(path, settings.disk_floor);
+        Self::open_at(&DatabaseAddress::file(path), settings).await
+    }
+
+    /// Opens the database in a file, which is made when it is not there, or on a PostgreSQL server; runs the migrations and
+    /// checks the engine's version.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`], [`StoreError::Unreachable`].
+    pub async fn open_at(address: &DatabaseAddress, settings: StoreSettings) -> Result<Self, StoreError> {
+        let (node, news) = (Uuid::now_v7(), News::default());
+        let engine = if let Some(path) = address.path() {
+            Engine::Sqlite(sqlite::Database::open(path, &settings).await?)
+        } else {
+            Engine::Postgres(postgres::Database::open(address, &settings, node, news.clone()).await?)
+        };
         Ok(Self {
-            writer,
-            readers,
-            arrays,
+            engine,
+            node,
             settings: Arc::new(settings),
-            disk,
             last_commit: write::LastCommit::default(),
-            changes: watch::Sender::new(0),
+            news,
             followed: followed::Followed::default(),
         })
     }
 
-    /// Ends all connections and merges the write-ahead log into the file.
+    /// Ends all connections; SQLite then merges its write-ahead log into the file.
     pub async fn close(&self) {
-        self.readers.close().await;
-        self.arrays.close().await;
-        self.writer.close().await;
+        self.engine.close().await;
+    }
+
+    /// This process's name at the jobs that it runs, new with every start.
+    #[must_use]
+    pub fn node(&self) -> Uuid {
+        self.node
     }
 
     /// Counts up whenever a job may have changed, for whoever waits for one.
     #[must_use]
     pub fn changes(&self) -> watch::Receiver<u64> {
-        self.changes.subscribe()
+        self.news.changes.subscribe()
+    }
+
+    /// Counts up whenever a job may have been queued, here or by another node.
+    #[must_use]
+    pub fn arrivals(&self) -> watch::Receiver<u64> {
+        self.news.arrivals.subscribe()
     }
 
     /// Writes a compacted copy of the database at `path`, as of one moment, to the new file `copy`. Services that have it
@@ -118,7 +149,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`], also when `copy` exists.
     pub async fn backup(path: &Path, copy: &Path) -> Result<(), StoreError> {
-        copies::copy(path, copy).await
+        sqlite::copies::copy(path, copy).await
     }
 
     /// Rewrites the database at `path` without its free pages, and so that it can be made shorter while it is served.
@@ -128,20 +159,62 @@ impl Store {
     /// [`StoreError::Database`]; [`StoreError::StorageFull`] when there is no room for the rewritten file beside the old
     /// one. The database is unchanged then.
     pub async fn compact(path: &Path, lock: &DatabaseLock) -> Result<(), StoreError> {
-        copies::compact(path, lock).await
+        sqlite::copies::compact(path, lock).await
     }
 
-    fn now(&self) -> Milliseconds {
-        self.settings.clock.now()
+    async fn time(&self, connection: &mut Connection) -> Result<Time, StoreError> {
+        Engine::time(connection, &self.settings).await
+    }
+
+    async fn now(&self, connection: &mut Connection) -> Result<Milliseconds, StoreError> {
+        Ok(self.time(connection).await?.now)
+    }
+
+    /// A connection that reads records.
+    async fn reader(&self) -> Result<Connection, StoreError> {
+        self.engine.reader().await
     }
 
     /// Begins a transaction in which several statements read arrays from one snapshot.
-    async fn read(&self) -> Result<Transaction<'static, Sqlite>, StoreError> {
-        Ok(self.arrays.begin().await?)
+    async fn read(&self) -> Result<Connection, StoreError> {
+        self.engine.snapshot().await
     }
 
+    /// A job may have changed.
     fn announce(&self) {
+        self.news.tell(Subject::Change);
+        self.engine.tell(Subject::Change);
+    }
+
+    /// A job may have been queued.
+    fn announce_arrival(&self) {
+        self.news.tell(Subject::Arrival);
+        self.engine.tell(Subject::Arrival);
+    }
+}
+
+/// What other nodes and other parts of this process are told of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Subject {
+    /// A job may have changed.
+    Change,
+    /// A job may have been queued, which is a change too.
+    Arrival,
+}
+
+/// Counters that go up when something may have happened.
+#[derive(Debug, Clone, Default)]
+struct News {
+    changes: watch::Sender<u64>,
+    arrivals: watch::Sender<u64>,
+}
+
+impl News {
+    fn tell(&self, subject: Subject) {
         self.changes.send_modify(|count| *count += 1);
+        if subject == Subject::Arrival {
+            self.arrivals.send_modify(|count| *count += 1);
+        }
     }
 }
 

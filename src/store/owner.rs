@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Store, StoreError, detached};
+use super::{Store, StoreError, detached, postgres};
 
 /// Whom clouds and jobs belong to: a name, or nobody where no key is asked for. Nobody is an owner like any other:
 /// what was stored without a key is out of reach of every key, and the other way round.
@@ -41,14 +41,20 @@ impl Store {
         let (store, from, to) = (self.clone(), from.clone(), to.clone());
         detached(async move {
             let mut transaction = store.write().await?;
+            if let Some(connection) = transaction.postgres() {
+                postgres::keep_others_out(connection).await?;
+            }
             let mut changed = 0;
             for statement in ADOPTION {
-                let done = sqlx::query(statement).bind(from.name()).bind(to.name());
-                changed += done.execute(&mut *transaction).await?.rows_affected();
+                changed += transaction.query(statement).bind(from.name()).bind(to.name()).execute().await?;
             }
-            for statement in TIDYING {
-                let done = sqlx::query(statement).bind(from.name()).bind(to.name());
-                done.execute(&mut *transaction).await?;
+            for (sqlite, postgres) in TIDYING {
+                transaction
+                    .query_either(sqlite, postgres)
+                    .bind(from.name())
+                    .bind(to.name())
+                    .execute()
+                    .await?;
             }
             transaction.commit().await?;
             if changed > 0 {
@@ -60,20 +66,35 @@ impl Store {
     }
 }
 
-/// What changes hands: `?1` is the old owner, `?2` the new one.
+/// What changes hands: `$1` is the old owner, `$2` the new one.
 const ADOPTION: [&str; 2] = [
-    "UPDATE jobs SET owner = ?2 WHERE owner = ?1",
-    "UPDATE clouds SET owner = ?2 \
-     WHERE owner = ?1 AND digest NOT IN (SELECT digest FROM clouds WHERE owner = ?2)",
+    "UPDATE jobs SET owner = $2 WHERE owner = $1",
+    "UPDATE clouds SET owner = $2 \
+     WHERE owner = $1 AND digest NOT IN (SELECT digest FROM clouds WHERE owner = $2)",
 ];
 
-/// What is left of the old owner's then.
-const TIDYING: [&str; 4] = [
-    "UPDATE OR IGNORE jobs SET cloud_id = (\
-         SELECT own.id FROM clouds own JOIN clouds old ON old.digest = own.digest \
-         WHERE own.owner = ?2 AND old.id = jobs.cloud_id) \
-     WHERE state <> 'running' AND cloud_id IN (SELECT id FROM clouds WHERE owner = ?1)",
-    "UPDATE OR IGNORE idempotency_keys SET owner = ?2 WHERE owner = ?1",
-    "DELETE FROM turns WHERE owner = ?1 AND ?2 <> ?1",
-    "DELETE FROM clouds WHERE owner = ?1 AND ?2 <> ?1 AND id NOT IN (SELECT cloud_id FROM jobs)",
+/// What is left of the old owner's then, in the words of SQLite and of PostgreSQL, which cannot ignore a row that would be
+/// there twice and is asked before.
+const TIDYING: [(&str, &str); 4] = [
+    (
+        "UPDATE OR IGNORE jobs SET cloud_id = (\
+             SELECT own.id FROM clouds own JOIN clouds old ON old.digest = own.digest \
+             WHERE own.owner = $2 AND old.id = jobs.cloud_id) \
+         WHERE state <> 'running' AND cloud_id IN (SELECT id FROM clouds WHERE owner = $1)",
+        "UPDATE jobs j SET cloud_id = own.id FROM clouds own JOIN clouds old ON old.digest = own.digest \
+         WHERE own.owner = $2 AND old.owner = $1 AND old.id = j.cloud_id AND j.state <> 'running' \
+         AND NOT EXISTS (SELECT 1 FROM jobs o WHERE o.cloud_id = own.id AND o.kind = j.kind \
+             AND o.parameters = j.parameters AND o.state IN ('queued', 'running', 'succeeded') \
+             AND o.cancel_requested = 0 AND j.state IN ('queued', 'succeeded') AND j.cancel_requested = 0)",
+    ),
+    (
+        "UPDATE OR IGNORE idempotency_keys SET owner = $2 WHERE owner = $1",
+        "UPDATE idempotency_keys k SET owner = $2 WHERE owner = $1 \
+         AND NOT EXISTS (SELECT 1 FROM idempotency_keys o WHERE o.owner = $2 AND o.name = k.name)",
+    ),
+    ("DELETE FROM turns WHERE owner = $1 AND $2 <> $1", "DELETE FROM turns WHERE owner = $1 AND $2 <> $1"),
+    (
+        "DELETE FROM clouds WHERE owner = $1 AND $2 <> $1 AND id NOT IN (SELECT cloud_id FROM jobs)",
+        "DELETE FROM clouds WHERE owner = $1 AND $2 <> $1 AND id NOT IN (SELECT cloud_id FROM jobs)",
+    ),
 ];

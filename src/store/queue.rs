@@ -4,45 +4,66 @@
 //! names its lease, and is refused when the job is no longer running under it: a worker that was given up for dead
 //! cannot disturb its successor.
 
-use sqlx::SqliteConnection;
 use uuid::Uuid;
 
 use super::arrays::text_checksum;
+use super::connection::Connection;
+use super::engine::Engine;
 use super::results::clear_result;
 use super::rows::{integer, to_json, word};
+use super::settings::Time;
 use super::{Claim, JobFailure, JobState, Milliseconds, Order, Store, StoreError, Vitals, detached};
 use crate::analysis::Report;
 
+/// What becomes of a job whose claim is given up: `$1` is the time, `$3` the number of attempts, `$4` the failure.
+macro_rules! give_up {
+    () => {
+        "UPDATE jobs SET state = CASE WHEN cancel_requested = 1 THEN 'canceled' \
+         WHEN attempt >= $3 THEN 'failed' ELSE 'queued' END, \
+         failure = CASE WHEN cancel_requested = 0 AND attempt >= $3 THEN $4 END, \
+         finished = CASE WHEN cancel_requested = 1 OR attempt >= $3 THEN $1 END, \
+         lease_until = NULL, process_id = NULL "
+    };
+}
+
 impl Store {
-    /// At start: ends the queued jobs that need more memory than there is now, which would wait for ever. Returns how
-    /// many there were.
+    /// Ends the queued jobs that need more memory than there is now, on whichever node, which would wait for ever. Returns
+    /// how many there were.
     ///
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn fail_over_budget(&self) -> Result<u64, StoreError> {
-        let budget = self.settings.memory_budget;
+        let store = self.clone();
+        detached(async move {
+        let mut transaction = store.write().await?;
+        let now = store.now(&mut transaction).await?;
+        let budget = Engine::memory_budget(&mut transaction, &store.settings).await?;
         let failure = JobFailure {
             code: "memory".to_owned(),
             detail: format!(
                 "the analysis needs more memory than the budget of the service, which is now {budget} bytes"
             ),
         };
-        let mut transaction = self.write().await?;
-        let failed = sqlx::query(
-            "UPDATE jobs SET state = 'failed', failure = ?2, finished = ?3 WHERE state = 'queued' AND memory > ?1",
+        let failed = transaction.query(
+            "UPDATE jobs SET state = 'failed', failure = $2, finished = $3 WHERE state = 'queued' AND memory > $1",
         )
         .bind(integer(budget))
         .bind(to_json(&failure)?)
-        .bind(self.now())
-        .execute(&mut *transaction)
+        .bind(now)
+        .execute()
         .await?;
         transaction.commit().await?;
-        Ok(failed.rows_affected())
+        if failed > 0 {
+            store.announce();
+        }
+        Ok(failed)
+        }).await
     }
 
-    /// At start: every job that runs in a process other than `process` was left by a dead one. It goes back to its
-    /// place in the queue, or ends when its attempts are used up (`crashed`) or somebody asked to cancel it. What such
-    /// jobs had stored of a result is deleted. Returns how many there were.
+    /// At start: every job that runs in a process other than `process` was left by a dead one, where one process has the
+    /// database to itself; where nodes share it, every job whose lease has run out. It goes back to its place in the queue,
+    /// or ends when its attempts are used up (`crashed`) or somebody asked to cancel it. What such jobs had stored of a
+    /// result is deleted. Returns how many there were.
     ///
     /// # Errors
     /// [`StoreError::Database`].
@@ -50,14 +71,21 @@ impl Store {
         let store = self.clone();
         detached(async move {
             let mut transaction = store.write().await?;
-            let orphans = store.give_up_running(&mut transaction, Some(process)).await?;
-            let left: Vec<Uuid> = sqlx::query_scalar(
-                "SELECT id FROM jobs j WHERE state IN ('queued', 'failed', 'canceled') \
+            let living = (!transaction.is_postgres()).then_some(process);
+            let time = store.time(&mut transaction).await?;
+            let orphans = store.give_up_running(&mut transaction, time, living).await?;
+            // A job that waits may be claimed by another node at any moment, which then clears what it finds itself.
+            let left: Vec<Uuid> = transaction
+                .query_either(
+                    "SELECT id FROM jobs j WHERE state IN ('queued', 'failed', 'canceled') \
                  AND (EXISTS (SELECT 1 FROM arrays a WHERE a.job_id = j.id) \
                  OR EXISTS (SELECT 1 FROM bases b WHERE b.job_id = j.id))",
-            )
-            .fetch_all(&mut *transaction)
-            .await?;
+                    "SELECT id FROM jobs j WHERE state IN ('queued', 'failed', 'canceled') \
+                 AND (EXISTS (SELECT 1 FROM arrays a WHERE a.job_id = j.id) \
+                 OR EXISTS (SELECT 1 FROM bases b WHERE b.job_id = j.id)) ORDER BY id FOR UPDATE SKIP LOCKED",
+                )
+                .scalars()
+                .await?;
             for job in left {
                 clear_result(&mut transaction, job).await?;
             }
@@ -73,24 +101,30 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn heartbeat(&self, claim: &Claim, vitals: &Vitals) -> Result<Order, StoreError> {
-        let mut transaction = self.write().await?;
-        let cancel: Option<bool> = sqlx::query_scalar(
-            "UPDATE jobs SET phase = ?3, progress = max(progress, ?4), phase_seconds = ?5, lease_until = ?6, \
-             memory = max(memory, ?7) \
-             WHERE id = ?1 AND lease = ?2 AND state = 'running' RETURNING cancel_requested",
-        )
-        .bind(claim.job.id)
-        .bind(claim.lease)
-        .bind(word(&vitals.phase)?)
-        .bind(vitals.progress.clamp(0.0, 1.0))
-        .bind(to_json(&vitals.phase_seconds)?)
-        .bind(self.now() + self.settings.lease)
-        .bind(integer(vitals.memory))
-        .fetch_optional(&mut *transaction)
-        .await?;
-        transaction.commit().await?;
-        self.announce();
-        Ok(learned(cancel))
+        let (store, claim, vitals) = (self.clone(), claim.clone(), vitals.clone());
+        detached(async move {
+            let mut transaction = store.write().await?;
+            let now = store.now(&mut transaction).await?;
+            let cancel: Option<i64> = transaction
+                .query(
+                    "UPDATE jobs SET phase = $3, progress = CASE WHEN progress < $4 THEN $4 ELSE progress END, \
+                     phase_seconds = $5, lease_until = $6, memory = CASE WHEN memory < $7 THEN $7 ELSE memory END \
+                     WHERE id = $1 AND lease = $2 AND state = 'running' RETURNING cancel_requested",
+                )
+                .bind(claim.job.id)
+                .bind(claim.lease)
+                .bind(word(&vitals.phase)?)
+                .bind(vitals.progress.clamp(0.0, 1.0))
+                .bind(to_json(&vitals.phase_seconds)?)
+                .bind(now + store.settings.lease)
+                .bind(integer(vitals.memory))
+                .scalar_optional()
+                .await?;
+            transaction.commit().await?;
+            store.announce();
+            Ok(learned(cancel))
+        })
+        .await
     }
 
     /// What a heartbeat would learn, without writing anything.
@@ -98,13 +132,14 @@ impl Store {
     /// # Errors
     /// [`StoreError::Database`].
     pub async fn order(&self, claim: &Claim) -> Result<Order, StoreError> {
-        let cancel = sqlx::query_scalar(
-            "SELECT cancel_requested FROM jobs WHERE id = ?1 AND lease = ?2 AND state = 'running'",
-        )
-        .bind(claim.job.id)
-        .bind(claim.lease)
-        .fetch_optional(&self.readers)
-        .await?;
+        let cancel = self
+            .reader()
+            .await?
+            .query("SELECT cancel_requested FROM jobs WHERE id = $1 AND lease = $2 AND state = 'running'")
+            .bind(claim.job.id)
+            .bind(claim.lease)
+            .scalar_optional()
+            .await?;
         Ok(learned(cancel))
     }
 
@@ -131,23 +166,24 @@ impl Store {
                 return Ok(JobState::Canceled);
             }
             store.check_whole(&mut transaction, &claim, bases).await?;
+            let now = store.now(&mut transaction).await?;
             let bases_bytes = 8 * claim.job.points * bases.unwrap_or(0) as u64;
-            sqlx::query(
-                "UPDATE jobs SET state = 'succeeded', phase = ?2, progress = 1.0, phase_seconds = ?3, report = ?4, \
-                 finished = ?5, lease_until = NULL, process_id = NULL, report_checksum = ?6, memory = max(memory, ?8), \
-                 bytes = ?7 + \
-                 (SELECT sum(numbers * CASE name WHEN 'columns' THEN 4 ELSE 8 END) FROM arrays WHERE job_id = ?1) \
-                 WHERE id = ?1",
+            transaction.query(
+                "UPDATE jobs SET state = 'succeeded', phase = $2, progress = 1.0, phase_seconds = $3, report = $4, \
+                 finished = $5, lease_until = NULL, process_id = NULL, report_checksum = $6, \
+                 memory = CASE WHEN memory < $8 THEN $8 ELSE memory END, bytes = $7 + (SELECT \
+                 CAST(sum(numbers * CASE name WHEN 'columns' THEN 4 ELSE 8 END) AS BIGINT) FROM arrays WHERE job_id = $1) \
+                 WHERE id = $1",
             )
             .bind(claim.job.id)
             .bind(phase)
             .bind(phase_seconds)
             .bind(&text)
-            .bind(store.now())
+            .bind(now)
             .bind(text_checksum(&[&text]).as_slice())
             .bind(integer(bases_bytes))
             .bind(memory)
-            .execute(&mut *transaction)
+            .execute()
             .await?;
             transaction.commit().await?;
             store.announce();
@@ -199,7 +235,9 @@ impl Store {
     /// # Errors
     /// [`StoreError::LostClaim`], [`StoreError::Database`].
     pub async fn release_for_memory(&self, claim: &Claim, need: u64) -> Result<JobState, StoreError> {
-        let budget = self.settings.memory_budget;
+        let mut reader = self.reader().await?;
+        let budget = Engine::memory_budget(&mut reader, &self.settings).await?;
+        drop(reader);
         let ending = if need > budget {
             Ending::Failed(JobFailure {
                 code: "memory".to_owned(),
@@ -216,7 +254,7 @@ impl Store {
         detached(async move {
             let mut transaction = store.write().await?;
             let cancel = store.check_claim(&mut transaction, &claim).await? == Order::Cancel;
-            let (memory, now) = (claim.job.memory, store.now());
+            let (memory, now) = (claim.job.memory, store.now(&mut transaction).await?);
             let (state, failure, attempts_back, not_before, memory) = match ending {
                 Ending::Failed(failure) => (JobState::Failed, Some(to_json(&failure)?), 0, 0, memory),
                 Ending::Requeued { attempts_back, delay, memory } if !cancel => {
@@ -224,9 +262,9 @@ impl Store {
                 }
                 Ending::Requeued { .. } | Ending::Canceled => (JobState::Canceled, None, 0, 0, memory),
             };
-            sqlx::query(
-                "UPDATE jobs SET state = ?2, failure = ?3, finished = ?4, attempt = attempt - ?5, not_before = ?6, \
-                 memory = ?7, lease_until = NULL, process_id = NULL WHERE id = ?1",
+            transaction.query(
+                "UPDATE jobs SET state = $2, failure = $3, finished = $4, attempt = attempt - $5, not_before = $6, \
+                 memory = $7, lease_until = NULL, process_id = NULL WHERE id = $1",
             )
             .bind(claim.job.id)
             .bind(word(&state)?)
@@ -235,10 +273,10 @@ impl Store {
             .bind(attempts_back)
             .bind(not_before)
             .bind(integer(memory))
-            .execute(&mut *transaction)
+            .execute()
             .await?;
             transaction.commit().await?;
-            store.announce();
+            if state == JobState::Queued { store.announce_arrival() } else { store.announce() }
             // Apart, because deleting much takes long and the end is what others wait for.
             store.clear_result_unless_live(claim.job.id).await?;
             Ok(state)
@@ -249,15 +287,17 @@ impl Store {
     /// Whether the job still runs under this claim, and whether somebody asked to cancel it.
     pub(super) async fn check_claim(
         &self,
-        connection: &mut SqliteConnection,
+        connection: &mut Connection,
         claim: &Claim,
     ) -> Result<Order, StoreError> {
-        let cancel = sqlx::query_scalar(
-            "SELECT cancel_requested FROM jobs WHERE id = ?1 AND lease = ?2 AND state = 'running'",
+        let cancel = connection.query_either(
+            "SELECT cancel_requested FROM jobs WHERE id = $1 AND lease = $2 AND state = 'running'",
+            // Until the transaction ends nobody else can take the claim.
+            "SELECT cancel_requested FROM jobs WHERE id = $1 AND lease = $2 AND state = 'running' FOR NO KEY UPDATE",
         )
         .bind(claim.job.id)
         .bind(claim.lease)
-        .fetch_optional(connection)
+        .scalar_optional()
         .await?;
         match learned(cancel) {
             Order::Lost => Err(StoreError::LostClaim),
@@ -268,7 +308,8 @@ impl Store {
     /// Ends the claims whose lease ran out and, given a living process, those of all others.
     pub(super) async fn give_up_running(
         &self,
-        connection: &mut SqliteConnection,
+        connection: &mut Connection,
+        time: Time,
         living: Option<Uuid>,
     ) -> Result<u64, StoreError> {
         let crashed = JobFailure {
@@ -279,28 +320,29 @@ impl Store {
             ),
         };
         // A lease longer than any that is given was given before the clock was set back: it gets the usual time from now.
-        sqlx::query(
-            "UPDATE jobs SET lease_until = ?1 + ?2 WHERE state = 'running' AND lease_until > ?1 + ?2",
+        connection
+            .query("UPDATE jobs SET lease_until = $1 + $2 WHERE state = 'running' AND lease_until > $1 + $2")
+            .bind(time.now)
+            .bind(self.settings.lease)
+            .execute()
+            .await?;
+        let given_up = connection.query_either(
+            concat!(give_up!(), "WHERE state = 'running' AND (lease_until < $5 OR process_id <> $2)"),
+            // Those of a transaction that is under way, as of another node that gives them up, are let be.
+            concat!(
+                give_up!(),
+                "WHERE id IN (SELECT id FROM jobs WHERE state = 'running' AND (lease_until < $5 OR process_id <> $2) \
+                 ORDER BY id FOR UPDATE SKIP LOCKED)"
+            ),
         )
-        .bind(self.now())
-        .bind(self.settings.lease)
-        .execute(&mut *connection)
-        .await?;
-        let given_up = sqlx::query(
-            "UPDATE jobs SET \
-             state = CASE WHEN cancel_requested THEN 'canceled' WHEN attempt >= ?3 THEN 'failed' ELSE 'queued' END, \
-             failure = CASE WHEN NOT cancel_requested AND attempt >= ?3 THEN ?4 END, \
-             finished = CASE WHEN cancel_requested OR attempt >= ?3 THEN ?1 END, \
-             lease_until = NULL, process_id = NULL \
-             WHERE state = 'running' AND (lease_until < ?1 OR process_id <> ?2)",
-        )
-        .bind(self.now())
+        .bind(time.now)
         .bind(living)
         .bind(i64::from(self.settings.attempts_max))
         .bind(to_json(&crashed)?)
-        .execute(connection)
+        .bind(time.leases_end)
+        .execute()
         .await?;
-        Ok(given_up.rows_affected())
+        Ok(given_up)
     }
 }
 
@@ -311,10 +353,10 @@ enum Ending {
     Requeued { attempts_back: i64, delay: Milliseconds, memory: u64 },
 }
 
-fn learned(cancel_requested: Option<bool>) -> Order {
+fn learned(cancel_requested: Option<i64>) -> Order {
     match cancel_requested {
-        Some(false) => Order::Continue,
-        Some(true) => Order::Cancel,
+        Some(0) => Order::Continue,
+        Some(_) => Order::Cancel,
         None => Order::Lost,
     }
 }

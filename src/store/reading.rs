@@ -1,10 +1,9 @@
 //! Results as they are served: read once the job has succeeded, by column or by chunk, and checked.
 
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
 use super::arrays::{ArrayDigest, Number, read_checked};
+use super::connection::{Connection, Row};
 use super::rows::{count, integer};
 use super::{ArrayName, Store, StoreError, off_thread};
 use crate::analysis::SparseMatrix;
@@ -17,24 +16,25 @@ impl Store {
     pub async fn basis(&self, job: Uuid, index: usize) -> Result<Vec<f64>, StoreError> {
         let mut snapshot = self.read().await?;
         let Finished { points, chunk_points } = finished(&mut snapshot, job).await?;
-        let digest: Option<Vec<u8>> =
-            sqlx::query_scalar("SELECT digest FROM bases WHERE job_id = ?1 AND idx = ?2")
-                .bind(job)
-                .bind(integer(index))
-                .fetch_optional(&mut *snapshot)
-                .await?;
+        let digest: Option<Vec<u8>> = snapshot
+            .query("SELECT digest FROM bases WHERE job_id = $1 AND idx = $2")
+            .bind(job)
+            .bind(integer(index))
+            .scalar_optional()
+            .await?;
         let digest = digest.ok_or(StoreError::NoResult)?;
         let chunks = points.div_ceil(chunk_points);
-        let rows = sqlx::query(
+        let rows = snapshot.query_either(
             "WITH RECURSIVE numbers (chunk) AS \
-             (SELECT 0 UNION ALL SELECT chunk + 1 FROM numbers WHERE chunk + 1 < ?3) \
+             (SELECT 0 UNION ALL SELECT chunk + 1 FROM numbers WHERE chunk + 1 < $3) \
              SELECT b.checksum, b.data FROM numbers n \
-             CROSS JOIN basis_chunks b ON b.job_id = ?1 AND b.chunk = n.chunk AND b.idx = ?2",
+             CROSS JOIN basis_chunks b ON b.job_id = $1 AND b.chunk = n.chunk AND b.idx = $2",
+            "SELECT checksum, data FROM basis_chunks WHERE job_id = $1 AND idx = $2 AND chunk < $3 ORDER BY chunk",
         )
         .bind(job)
         .bind(integer(index))
         .bind(integer(chunks))
-        .fetch_all(&mut *snapshot)
+        .fetch_all()
         .await?;
         off_thread(move || join(index, points, &rows, &digest)).await
     }
@@ -53,23 +53,22 @@ impl Store {
     ) -> Result<Vec<Vec<f64>>, StoreError> {
         let mut snapshot = self.read().await?;
         let Finished { points, chunk_points } = finished(&mut snapshot, job).await?;
-        let bases: i64 = sqlx::query_scalar("SELECT count(*) FROM bases WHERE job_id = ?1")
-            .bind(job)
-            .fetch_one(&mut *snapshot)
-            .await?;
+        let bases: i64 =
+            snapshot.query("SELECT count(*) FROM bases WHERE job_id = $1").bind(job).scalar().await?;
         if chunk >= points.div_ceil(chunk_points) || first.saturating_add(count) > bases as usize {
             return Err(StoreError::NoResult);
         }
-        let rows = sqlx::query(
-            "SELECT idx, checksum, data FROM basis_chunks \
-             WHERE job_id = ?1 AND chunk = ?2 AND idx >= ?3 AND idx < ?4 ORDER BY idx",
-        )
-        .bind(job)
-        .bind(integer(chunk))
-        .bind(integer(first))
-        .bind(integer(first + count))
-        .fetch_all(&mut *snapshot)
-        .await?;
+        let rows = snapshot
+            .query(
+                "SELECT idx, checksum, data FROM basis_chunks \
+             WHERE job_id = $1 AND chunk = $2 AND idx >= $3 AND idx < $4 ORDER BY idx",
+            )
+            .bind(job)
+            .bind(integer(chunk))
+            .bind(integer(first))
+            .bind(integer(first + count))
+            .fetch_all()
+            .await?;
         let length = chunk_points.min(points - chunk * chunk_points);
         off_thread(move || {
             if rows.len() != count {
@@ -114,15 +113,16 @@ pub(super) struct Finished {
 }
 
 /// The layout of a job that succeeded.
-pub(super) async fn finished(connection: &mut SqliteConnection, job: Uuid) -> Result<Finished, StoreError> {
-    let row = sqlx::query(
-        "SELECT j.state = 'succeeded' AS succeeded, j.chunk_points, c.points \
-         FROM jobs j JOIN clouds c ON c.id = j.cloud_id WHERE j.id = ?1",
-    )
-    .bind(job)
-    .fetch_optional(connection)
-    .await?
-    .ok_or(StoreError::NotFound)?;
+pub(super) async fn finished(connection: &mut Connection, job: Uuid) -> Result<Finished, StoreError> {
+    let row = connection
+        .query(
+            "SELECT j.state = 'succeeded' AS succeeded, j.chunk_points, c.points \
+         FROM jobs j JOIN clouds c ON c.id = j.cloud_id WHERE j.id = $1",
+        )
+        .bind(job)
+        .fetch_optional()
+        .await?
+        .ok_or(StoreError::NotFound)?;
     if !row.try_get::<bool, _>("succeeded")? {
         return Err(StoreError::NoResult);
     }
@@ -133,33 +133,29 @@ pub(super) async fn finished(connection: &mut SqliteConnection, job: Uuid) -> Re
 }
 
 async fn read_array<T: Number + Send + 'static>(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     job: Uuid,
     name: ArrayName,
 ) -> Result<Vec<T>, StoreError> {
-    let head = sqlx::query("SELECT numbers, digest FROM arrays WHERE job_id = ?1 AND name = ?2")
+    let head = connection
+        .query("SELECT numbers, digest FROM arrays WHERE job_id = $1 AND name = $2")
         .bind(job)
         .bind(name.name())
-        .fetch_optional(&mut *connection)
+        .fetch_optional()
         .await?
         .ok_or(StoreError::NoResult)?;
     let (length, digest) = (count(&head, "numbers")? as usize, head.try_get::<Vec<u8>, _>("digest")?);
-    let rows =
-        sqlx::query("SELECT checksum, data FROM array_chunks WHERE job_id = ?1 AND name = ?2 ORDER BY chunk")
-            .bind(job)
-            .bind(name.name())
-            .fetch_all(connection)
-            .await?;
+    let rows = connection
+        .query("SELECT checksum, data FROM array_chunks WHERE job_id = $1 AND name = $2 ORDER BY chunk")
+        .bind(job)
+        .bind(name.name())
+        .fetch_all()
+        .await?;
     off_thread(move || join(0, length, &rows, &digest)).await
 }
 
 /// Puts chunks together to the array that has this length and digest.
-fn join<T: Number>(
-    index: usize,
-    length: usize,
-    rows: &[SqliteRow],
-    expected: &[u8],
-) -> Result<Vec<T>, StoreError> {
+fn join<T: Number>(index: usize, length: usize, rows: &[Row], expected: &[u8]) -> Result<Vec<T>, StoreError> {
     let mut values = Vec::with_capacity(length);
     let mut digest = ArrayDigest::default();
     for (chunk, row) in rows.iter().enumerate() {
@@ -173,12 +169,7 @@ fn join<T: Number>(
 }
 
 /// The values of one chunk of one basis.
-fn values_of_length(
-    row: &SqliteRow,
-    index: usize,
-    chunk: usize,
-    length: usize,
-) -> Result<Vec<f64>, StoreError> {
+fn values_of_length(row: &Row, index: usize, chunk: usize, length: usize) -> Result<Vec<f64>, StoreError> {
     let mut values = Vec::with_capacity(length);
     let bytes: &[u8] = row.try_get("data")?;
     read_checked((index, chunk), row.try_get("checksum")?, bytes, &mut values)?;

@@ -1,9 +1,10 @@
 //! Results as workers write them: bases and other arrays of a job, each write under its claim.
 
-use sqlx::SqliteConnection;
 use uuid::Uuid;
 
 use super::arrays::{Chunked, cut};
+use super::bulk::{ARRAY_CHUNKS, BASES, BASIS_CHUNKS, Field, Rows};
+use super::connection::Connection;
 use super::rows::integer;
 use super::{CHUNK_POINTS, Claim, Store, StoreError, detached, off_thread};
 use crate::analysis::JobKind;
@@ -107,9 +108,7 @@ impl Store {
             .await?;
             let mut transaction = store.write().await?;
             store.check_claim(&mut transaction, &claim).await?;
-            for (index, chunked) in chunked {
-                insert_basis(&mut transaction, claim.job.id, index, chunked).await?;
-            }
+            insert_bases(&mut transaction, claim.job.id, chunked).await?;
             transaction.commit().await
         })
         .await
@@ -140,19 +139,20 @@ impl Store {
     /// Refuses to call a result whole that lacks its mass, an eigenpair, or any of an eigenpair's chunks.
     pub(super) async fn check_whole(
         &self,
-        connection: &mut SqliteConnection,
+        connection: &mut Connection,
         claim: &Claim,
         bases: Option<usize>,
     ) -> Result<(), StoreError> {
-        let (stored, last, chunks, arrays): (i64, i64, i64, i64) = sqlx::query_as(
-            "SELECT (SELECT count(*) FROM bases WHERE job_id = ?1), \
-             (SELECT coalesce(max(idx), -1) FROM bases WHERE job_id = ?1), \
-             (SELECT count(*) FROM basis_chunks WHERE job_id = ?1), \
-             (SELECT count(*) FROM arrays WHERE job_id = ?1)",
-        )
-        .bind(claim.job.id)
-        .fetch_one(connection)
-        .await?;
+        let (stored, last, chunks, arrays): (i64, i64, i64, i64) = connection
+            .query(
+                "SELECT (SELECT count(*) FROM bases WHERE job_id = $1), \
+             (SELECT coalesce(max(idx), -1) FROM bases WHERE job_id = $1), \
+             (SELECT count(*) FROM basis_chunks WHERE job_id = $1), \
+             (SELECT count(*) FROM arrays WHERE job_id = $1)",
+            )
+            .bind(claim.job.id)
+            .fetch_one_as()
+            .await?;
         let bases = bases.unwrap_or(0);
         let expected_chunks = bases * (claim.job.points as usize).div_ceil(claim.job.chunk_points);
         // The mass, and for an operator job the three arrays of its matrix.
@@ -169,12 +169,11 @@ impl Store {
     /// Deletes what a job stored of a result, unless it succeeded or another attempt may be writing.
     pub(super) async fn clear_result_unless_live(&self, job: Uuid) -> Result<(), StoreError> {
         let mut transaction = self.write().await?;
-        let ended: bool = sqlx::query_scalar(
-            "SELECT EXISTS (SELECT 1 FROM jobs WHERE id = ?1 AND state IN ('failed', 'canceled'))",
-        )
-        .bind(job)
-        .fetch_one(&mut *transaction)
-        .await?;
+        let ended: bool = transaction
+            .query("SELECT EXISTS (SELECT 1 FROM jobs WHERE id = $1 AND state IN ('failed', 'canceled'))")
+            .bind(job)
+            .scalar()
+            .await?;
         if ended {
             clear_result(&mut transaction, job).await?;
         }
@@ -183,15 +182,15 @@ impl Store {
 }
 
 /// Deletes whatever is stored of a job's result.
-pub(super) async fn clear_result(connection: &mut SqliteConnection, job: Uuid) -> Result<(), StoreError> {
+pub(super) async fn clear_result(connection: &mut Connection, job: Uuid) -> Result<(), StoreError> {
     for statement in [
-        "DELETE FROM basis_chunks WHERE job_id = ?1",
-        "DELETE FROM bases WHERE job_id = ?1",
-        "DELETE FROM array_chunks WHERE job_id = ?1",
-        "DELETE FROM arrays WHERE job_id = ?1",
-        "DELETE FROM coefficients WHERE job_id = ?1",
+        "DELETE FROM basis_chunks WHERE job_id = $1",
+        "DELETE FROM bases WHERE job_id = $1",
+        "DELETE FROM array_chunks WHERE job_id = $1",
+        "DELETE FROM arrays WHERE job_id = $1",
+        "DELETE FROM coefficients WHERE job_id = $1",
     ] {
-        sqlx::query(statement).bind(job).execute(&mut *connection).await?;
+        connection.query(statement).bind(job).execute().await?;
     }
     Ok(())
 }
@@ -204,64 +203,54 @@ fn check_basis(basis: &BasisValues, points: u64) -> Result<(), StoreError> {
     Err(StoreError::Damaged(format!("basis {index} has {values} values for {points} points")))
 }
 
-async fn insert_basis(
-    connection: &mut SqliteConnection,
+async fn insert_bases(
+    connection: &mut Connection,
     job: Uuid,
-    index: usize,
-    chunked: Chunked,
+    bases: Vec<(usize, Chunked)>,
 ) -> Result<(), StoreError> {
-    sqlx::query("INSERT INTO bases (job_id, idx, digest) VALUES (?1, ?2, ?3)")
-        .bind(job)
-        .bind(integer(index))
-        .bind(chunked.digest.as_slice())
-        .execute(&mut *connection)
-        .await?;
-    for (chunk, (checksum, data)) in chunked.chunks.into_iter().enumerate() {
-        sqlx::query(
-            "INSERT INTO basis_chunks (job_id, chunk, idx, checksum, data) VALUES (?1, ?2, ?3, ?4, ?5)",
-        )
-        .bind(job)
-        .bind(integer(chunk))
-        .bind(integer(index))
-        .bind(checksum.as_slice())
-        .bind(data)
-        .execute(&mut *connection)
-        .await?;
+    let mut rows = Rows::into(connection, BASES).await?;
+    for (index, basis) in &bases {
+        let digest = Field::Bytes(basis.digest.to_vec());
+        rows.put([Field::Uuid(job), Field::Integer(integer(*index)), digest]).await?;
     }
-    Ok(())
+    rows.finish().await?;
+    let mut rows = Rows::into(connection, BASIS_CHUNKS).await?;
+    for (index, basis) in bases {
+        for (chunk, (checksum, data)) in basis.chunks.into_iter().enumerate() {
+            let [chunk, index] = [chunk, index].map(|place| Field::Integer(integer(place)));
+            let checksum = Field::Bytes(checksum.to_vec());
+            rows.put([Field::Uuid(job), chunk, index, checksum, Field::Bytes(data)]).await?;
+        }
+    }
+    rows.finish().await
 }
 
 async fn insert_array(
-    connection: &mut SqliteConnection,
+    connection: &mut Connection,
     job: Uuid,
     name: ArrayName,
     length: usize,
     chunked: Chunked,
 ) -> Result<(), StoreError> {
     for statement in [
-        "DELETE FROM array_chunks WHERE job_id = ?1 AND name = ?2",
-        "DELETE FROM arrays WHERE job_id = ?1 AND name = ?2",
+        "DELETE FROM array_chunks WHERE job_id = $1 AND name = $2",
+        "DELETE FROM arrays WHERE job_id = $1 AND name = $2",
     ] {
-        sqlx::query(statement).bind(job).bind(name.name()).execute(&mut *connection).await?;
+        connection.query(statement).bind(job).bind(name.name()).execute().await?;
     }
-    sqlx::query("INSERT INTO arrays (job_id, name, numbers, digest) VALUES (?1, ?2, ?3, ?4)")
+    connection
+        .query("INSERT INTO arrays (job_id, name, numbers, digest) VALUES ($1, $2, $3, $4)")
         .bind(job)
         .bind(name.name())
         .bind(integer(length))
         .bind(chunked.digest.as_slice())
-        .execute(&mut *connection)
+        .execute()
         .await?;
+    let mut rows = Rows::into(connection, ARRAY_CHUNKS).await?;
     for (chunk, (checksum, data)) in chunked.chunks.into_iter().enumerate() {
-        sqlx::query(
-            "INSERT INTO array_chunks (job_id, name, chunk, checksum, data) VALUES (?1, ?2, ?3, ?4, ?5)",
-        )
-        .bind(job)
-        .bind(name.name())
-        .bind(integer(chunk))
-        .bind(checksum.as_slice())
-        .bind(data)
-        .execute(&mut *connection)
-        .await?;
+        let (name, checksum) = (Field::Text(name.name().to_owned()), Field::Bytes(checksum.to_vec()));
+        let chunk = Field::Integer(integer(chunk));
+        rows.put([Field::Uuid(job), name, chunk, checksum, Field::Bytes(data)]).await?;
     }
-    Ok(())
+    rows.finish().await
 }

@@ -1,13 +1,10 @@
 //! Rows of the database as records.
 
-use serde::Serialize;
-use serde::de::value::{Error as WordError, StrDeserializer};
-use serde::de::{DeserializeOwned, IntoDeserializer};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
 use super::arrays::{Checksum, text_checksum};
+pub(super) use super::columns::{from_word, hex, integer, json, to_json, word};
+use super::connection::{Connection, Row};
 use super::line::place;
 use super::records::{CloudRecord, JobRecord};
 use super::{CHUNK_POINTS, JobFailure, JobState, Owner, StoreError};
@@ -35,21 +32,15 @@ macro_rules! select_jobs {
 }
 pub(super) use select_jobs;
 
-pub(super) async fn job_with_id(
-    connection: &mut SqliteConnection,
-    id: Uuid,
-) -> Result<JobRecord, StoreError> {
-    let row = sqlx::query(concat!(select_jobs!(), "WHERE j.id = ?1"))
-        .bind(id)
-        .fetch_optional(&mut *connection)
-        .await?;
+pub(super) async fn job_with_id(connection: &mut Connection, id: Uuid) -> Result<JobRecord, StoreError> {
+    let row = connection.query(concat!(select_jobs!(), "WHERE j.id = $1")).bind(id).fetch_optional().await?;
     let mut job = readable_job(&row.ok_or(StoreError::NotFound)?)?;
     place(connection, std::slice::from_mut(&mut job)).await?;
     Ok(job)
 }
 
 /// The job in a row; one that cannot be read, as after a return to an older version, is shown as failed.
-pub(super) fn readable_job(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+pub(super) fn readable_job(row: &Row) -> Result<JobRecord, StoreError> {
     match job_record(row) {
         Err(StoreError::Damaged(cause)) => unreadable_job(row, &cause),
         other => other,
@@ -66,7 +57,7 @@ pub(super) fn unreadable(cause: &str) -> JobFailure {
     }
 }
 
-fn unreadable_job(row: &SqliteRow, cause: &str) -> Result<JobRecord, StoreError> {
+fn unreadable_job(row: &Row, cause: &str) -> Result<JobRecord, StoreError> {
     Ok(JobRecord {
         id: row.try_get("id")?,
         owner: Owner::named(row.try_get("owner")?),
@@ -80,7 +71,7 @@ fn unreadable_job(row: &SqliteRow, cause: &str) -> Result<JobRecord, StoreError>
         memory: 0,
         chunk_points: CHUNK_POINTS,
         attempt: count(row, "attempt").unwrap_or(0) as u32,
-        cancel_requested: row.try_get("cancel_requested")?,
+        cancel_requested: flag(row, "cancel_requested")?,
         queue_position: None,
         created: row.try_get("created")?,
         started: row.try_get("started")?,
@@ -92,15 +83,12 @@ fn unreadable_job(row: &SqliteRow, cause: &str) -> Result<JobRecord, StoreError>
     })
 }
 
-pub(super) async fn cloud_with_id(
-    connection: &mut SqliteConnection,
-    id: Uuid,
-) -> Result<CloudRecord, StoreError> {
-    let row = sqlx::query("SELECT * FROM clouds WHERE id = ?1").bind(id).fetch_optional(connection).await?;
+pub(super) async fn cloud_with_id(connection: &mut Connection, id: Uuid) -> Result<CloudRecord, StoreError> {
+    let row = connection.query("SELECT * FROM clouds WHERE id = $1").bind(id).fetch_optional().await?;
     cloud_record(&row.ok_or(StoreError::NotFound)?)
 }
 
-pub(super) fn cloud_record(row: &SqliteRow) -> Result<CloudRecord, StoreError> {
+pub(super) fn cloud_record(row: &Row) -> Result<CloudRecord, StoreError> {
     let record = CloudRecord {
         id: row.try_get("id")?,
         owner: Owner::named(row.try_get("owner")?),
@@ -140,7 +128,7 @@ pub(super) fn cloud_checksum(cloud: &CloudRecord) -> Result<Checksum, StoreError
     ]))
 }
 
-pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+pub(super) fn job_record(row: &Row) -> Result<JobRecord, StoreError> {
     let state: JobState = from_word(row.try_get("state")?)?;
     let phase: Option<&str> = row.try_get("phase")?;
     let phase: Option<Phase> = phase.map(from_word).transpose()?;
@@ -161,7 +149,7 @@ pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         memory: count(row, "memory")?,
         chunk_points: count(row, "chunk_points")? as usize,
         attempt: count(row, "attempt")? as u32,
-        cancel_requested: row.try_get("cancel_requested")?,
+        cancel_requested: flag(row, "cancel_requested")?,
         queue_position: before.map(|jobs| jobs as u64),
         created: row.try_get("created")?,
         started: row.try_get("started")?,
@@ -174,7 +162,7 @@ pub(super) fn job_record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
 }
 
 /// Refuses a report whose text is not the one that was stored. Listings select a part of it, without the checksum.
-fn check_report(row: &SqliteRow, report: Option<&str>) -> Result<(), StoreError> {
+fn check_report(row: &Row, report: Option<&str>) -> Result<(), StoreError> {
     let checksum: Option<&[u8]> = row.try_get("report_checksum")?;
     match (checksum, report) {
         (Some(checksum), Some(report)) if text_checksum(&[report]).as_slice() != checksum => {
@@ -184,72 +172,13 @@ fn check_report(row: &SqliteRow, report: Option<&str>) -> Result<(), StoreError>
     }
 }
 
+/// A column that says yes, as 1, or no, as 0.
+pub(super) fn flag(row: &Row, column: &'static str) -> Result<bool, StoreError> {
+    Ok(row.try_get::<i64, _>(column)? != 0)
+}
+
 /// A column that counts something.
-pub(super) fn count(row: &SqliteRow, column: &'static str) -> Result<u64, StoreError> {
+pub(super) fn count(row: &Row, column: &'static str) -> Result<u64, StoreError> {
     let number: i64 = row.try_get(column)?;
     u64::try_from(number).map_err(|_| StoreError::Damaged(format!("`{column}` is {number}")))
-}
-
-/// A count or a place as the database's integer. Nothing that is stored lies beyond its range, so that a number which does
-/// is found nowhere.
-pub(super) fn integer(number: impl TryInto<i64>) -> i64 {
-    number.try_into().unwrap_or(i64::MAX)
-}
-
-pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, StoreError> {
-    serde_json::from_str(text).map_err(|e| StoreError::Damaged(e.to_string()))
-}
-
-pub(super) fn to_json(value: &impl Serialize) -> Result<String, StoreError> {
-    serde_json::to_string(value).map_err(|e| StoreError::Database(e.to_string()))
-}
-
-/// The word by which a state, kind, phase or type is known: the one in the interface.
-pub(super) fn word(value: &impl Serialize) -> Result<String, StoreError> {
-    match serde_json::to_value(value) {
-        Ok(serde_json::Value::String(word)) => Ok(word),
-        other => Err(StoreError::Database(format!("not a word: {other:?}"))),
-    }
-}
-
-pub(super) fn from_word<T: DeserializeOwned>(word: &str) -> Result<T, StoreError> {
-    let word: StrDeserializer<'_, WordError> = word.into_deserializer();
-    T::deserialize(word).map_err(|e| StoreError::Damaged(e.to_string()))
-}
-
-pub(super) fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write;
-    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-        // Writing into a string cannot fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::analysis::JobKind;
-    use crate::cloud::ScalarType;
-
-    #[test]
-    fn words_of_the_interface_come_back_as_what_they_name() {
-        assert_eq!(word(&JobState::Succeeded).unwrap(), "succeeded");
-        assert_eq!(from_word::<JobState>("succeeded").unwrap(), JobState::Succeeded);
-        assert_eq!(from_word::<JobKind>(&word(&JobKind::Eigen).unwrap()).unwrap(), JobKind::Eigen);
-        assert_eq!(from_word::<ScalarType>(&word(&ScalarType::Uint8).unwrap()).unwrap(), ScalarType::Uint8);
-        for phase in Phase::ALL {
-            assert_eq!(from_word::<Phase>(phase.name()).unwrap(), phase);
-        }
-    }
-
-    #[test]
-    fn an_unknown_word_is_damage() {
-        assert!(matches!(from_word::<JobState>("lost"), Err(StoreError::Damaged(_))));
-    }
-
-    #[test]
-    fn digests_are_shown_with_two_lowercase_digits_per_byte() {
-        assert_eq!(hex(&[0x00, 0x0a, 0xff]), "000aff");
-    }
 }

@@ -15,7 +15,7 @@ pub struct StoreSettings {
     pub queue_max_per_owner: u64,
     /// Most bytes that the clouds and results of one owner may take together.
     pub stored_bytes_max_per_owner: u64,
-    /// Bytes beyond which the database file does not grow.
+    /// Bytes beyond which the database file does not grow; a server keeps limits of its own.
     pub file_bytes_max: u64,
     /// Most claims of one job, those not counted that an orderly stop gave back.
     pub attempts_max: u32,
@@ -27,12 +27,23 @@ pub struct StoreSettings {
     pub lease: Milliseconds,
     /// How long another process at the same file, such as an administrator's shell, is waited for.
     pub busy: Duration,
+    /// How this process appears among the nodes of a PostgreSQL database.
+    pub node: NodeSettings,
     /// Connections for reading records.
     pub readers: u32,
     /// Connections for reading clouds and results.
     pub array_readers: u32,
     /// Source of every time that is stored or compared.
     pub clock: Clock,
+}
+
+/// What other nodes are told of this one.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NodeSettings {
+    /// Threads that compute.
+    pub threads: u64,
+    /// Jobs that run at one time; 0 when it only answers.
+    pub workers: u64,
 }
 
 impl Default for StoreSettings {
@@ -47,6 +58,7 @@ impl Default for StoreSettings {
             disk_floor: 0,
             lease: 60_000,
             busy: Duration::from_secs(10),
+            node: NodeSettings::default(),
             readers: 4,
             array_readers: 4,
             clock: Clock::default(),
@@ -55,32 +67,38 @@ impl Default for StoreSettings {
 }
 
 /// Tells the time; tests bring their own and step it.
-#[derive(Clone)]
-pub struct Clock(Arc<dyn Fn() -> Milliseconds + Send + Sync>);
+///
+/// By default the engine's own: of SQLite this machine's, of PostgreSQL the server's, which all nodes share.
+#[derive(Clone, Default)]
+pub struct Clock(Option<Arc<dyn Fn() -> Milliseconds + Send + Sync>>);
 
 impl Clock {
     /// A clock that asks `tell`.
     pub fn new(tell: impl Fn() -> Milliseconds + Send + Sync + 'static) -> Self {
-        Self(Arc::new(tell))
+        Self(Some(Arc::new(tell)))
     }
 
-    /// Milliseconds since the Unix epoch.
-    #[must_use]
-    pub fn now(&self) -> Milliseconds {
-        (self.0)()
+    /// Milliseconds since the Unix epoch, unless the engine tells the time.
+    pub(super) fn told(&self) -> Option<Milliseconds> {
+        self.0.as_ref().map(|tell| tell())
     }
 }
 
-impl Default for Clock {
-    fn default() -> Self {
-        Self::new(|| {
-            SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as Milliseconds)
-        })
-    }
+/// This machine's clock.
+pub(super) fn system_time() -> Milliseconds {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as Milliseconds)
 }
 
 impl fmt::Debug for Clock {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Clock({})", self.now())
+        write!(f, "Clock({:?})", self.told())
     }
+}
+
+/// What a clock says.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Time {
+    pub(super) now: Milliseconds,
+    /// Leases that ended before this have run out.
+    pub(super) leases_end: Milliseconds,
 }

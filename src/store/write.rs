@@ -1,18 +1,20 @@
-//! Transactions that write: one at a time, on a connection that is never used again after anything went wrong in it.
+//! Transactions that write, and the proof that they can.
 //!
-//! SQLite rolls back by itself when the disk is full, on an I/O error and without memory
+//! On SQLite they follow each other, on a connection that is never used again after anything went wrong in it. SQLite
+//! rolls back by itself when the disk is full, on an I/O error and without memory
 //! (<https://www.sqlite.org/lang_transaction.html>, "Response to errors within a transaction"). A connection pool that
 //! counts its transactions does not notice, and from then on refuses to begin another. So these transactions are begun
 //! and committed by statements of our own, and a connection whose transaction was not committed is closed: SQLite then
 //! rolls back whatever is left, and the next writer opens a connection that has seen no error.
+//!
+//! On PostgreSQL they run beside each other, in this process and in others. What one decides by, it locks: the row of a job
+//! ([`Store::check_claim`]), the row of a cloud that is to be deleted.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use sqlx::pool::PoolConnection;
-use sqlx::{Sqlite, SqliteConnection};
-
+use super::connection::Connection;
 use super::{Store, StoreError, detached};
 
 /// Age at which a committed write no longer proves that the next one will succeed.
@@ -38,65 +40,65 @@ impl LastCommit {
     }
 }
 
-/// A transaction that holds the write lock. Dropped without [`Self::commit`], it has changed nothing.
-pub(super) struct Write {
-    connection: PoolConnection<Sqlite>,
+/// Remembers when the transaction was committed, or that it was not.
+struct Outcome {
     last: LastCommit,
     committed: bool,
 }
 
+impl Drop for Outcome {
+    fn drop(&mut self) {
+        self.last.set(self.committed.then(Instant::now));
+    }
+}
+
+/// A transaction that writes. Dropped without [`Self::commit`], it has changed nothing.
+pub(super) struct Write {
+    connection: Connection,
+    outcome: Outcome,
+}
+
 impl Write {
     /// Makes the transaction's changes durable.
-    pub(super) async fn commit(mut self) -> Result<(), StoreError> {
-        let result = sqlx::query("COMMIT").execute(&mut *self.connection).await;
-        self.committed = result.is_ok();
-        self.last.set(self.committed.then(Instant::now));
-        result?;
+    pub(super) async fn commit(self) -> Result<(), StoreError> {
+        let Self { connection, mut outcome } = self;
+        connection.commit().await?;
+        outcome.committed = true;
         Ok(())
     }
 }
 
 impl Deref for Write {
-    type Target = SqliteConnection;
+    type Target = Connection;
 
-    fn deref(&self) -> &SqliteConnection {
+    fn deref(&self) -> &Connection {
         &self.connection
     }
 }
 
 impl DerefMut for Write {
-    fn deref_mut(&mut self) -> &mut SqliteConnection {
+    fn deref_mut(&mut self) -> &mut Connection {
         &mut self.connection
     }
 }
 
-impl Drop for Write {
-    fn drop(&mut self) {
-        if !self.committed {
-            self.connection.close_on_drop();
-            self.last.set(None);
-        }
-    }
-}
-
 impl Store {
-    /// Begins a transaction that holds the write lock from its start: one that reads first and asks for the lock later
-    /// fails at once when another wrote in between, whatever the busy timeout.
+    /// Begins a transaction. On SQLite it holds the write lock from its start: one that reads first and asks for the lock
+    /// later fails at once when another wrote in between, whatever the busy timeout.
+    ///
+    /// It is begun and ended in a task of its own, for a dropped beginning would leave an open transaction behind
+    /// (<https://github.com/launchbadge/sqlx/issues/4385>): see [`detached`].
     pub(super) async fn write(&self) -> Result<Write, StoreError> {
-        let connection = self.writer.acquire().await?;
-        let mut write = Write { connection, last: self.last_commit.clone(), committed: false };
-        if let Err(error) = sqlx::query("BEGIN IMMEDIATE").execute(&mut *write.connection).await {
-            self.last_commit.set(None);
-            return Err(error.into());
-        }
-        Ok(write)
+        let outcome = Outcome { last: self.last_commit.clone(), committed: false };
+        let connection = self.engine.begin().await?;
+        Ok(Write { connection, outcome })
     }
 
     /// Proves that the database takes writes: by one that was committed within the last seconds, otherwise by a small one
     /// of its own. So the proof does not queue behind the writes of a busy service.
     ///
     /// # Errors
-    /// [`StoreError::Database`], [`StoreError::StorageFull`], [`StoreError::Busy`].
+    /// [`StoreError::Database`], [`StoreError::StorageFull`], [`StoreError::Busy`], [`StoreError::Unreachable`].
     pub async fn probe(&self) -> Result<(), StoreError> {
         if self.last_commit.is_recent() {
             return Ok(());
@@ -104,11 +106,13 @@ impl Store {
         let store = self.clone();
         detached(async move {
             let mut write = store.write().await?;
-            sqlx::query(
-                "INSERT INTO probes (id, beats) VALUES (1, 1) ON CONFLICT (id) DO UPDATE SET beats = beats + 1",
-            )
-            .execute(&mut *write)
-            .await?;
+            write
+                .query(
+                    "INSERT INTO probes (id, beats) VALUES (1, 1) \
+                     ON CONFLICT (id) DO UPDATE SET beats = probes.beats + 1",
+                )
+                .execute()
+                .await?;
             write.commit().await
         })
         .await

@@ -88,7 +88,7 @@ async fn an_address_open_to_others_is_refused_without_keys() {
     let directory = tempfile::tempdir().unwrap();
     let settings = Settings {
         listen: "0.0.0.0:0".parse().unwrap(),
-        database: directory.path().join("test.db"),
+        database: directory.path().join("test.db").into(),
         ..Settings::default()
     };
     let refused = App::start(settings.clone()).await.err().unwrap();

@@ -114,7 +114,7 @@ impl Service {
 fn settings(directory: &TempDir) -> Settings {
     Settings {
         listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
-        database: directory.path().join("test.db"),
+        database: directory.path().join("test.db").into(),
         grace_seconds: 0,
         ..Settings::default()
     }

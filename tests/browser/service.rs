@@ -27,7 +27,7 @@ impl Service {
         let directory = TempDir::new().unwrap();
         let mut settings = Settings {
             listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
-            database: directory.path().join("test.db"),
+            database: directory.path().join("test.db").into(),
             grace_seconds: 0,
             ..Settings::default()
         };

@@ -139,8 +139,10 @@ async fn a_write_whose_caller_went_away_runs_to_its_end() {
         let mut submission = Box::pin(store.submit(&cloud, job));
         assert!(poll!(&mut submission).is_pending());
     }
-    changes.changed().await.unwrap();
-    assert_eq!(store.clouds(&Owner::nobody(), None, 10).await.unwrap().items.len(), 1);
+    // Nodes that share a database are woken now and then for nothing.
+    while store.clouds(&Owner::nobody(), None, 10).await.unwrap().items.is_empty() {
+        changes.changed().await.unwrap();
+    }
     assert_eq!(store.jobs(&Owner::nobody(), None, None, None, 10).await.unwrap().items.len(), 1);
 }
 

@@ -78,9 +78,10 @@ async fn a_job_at_its_second_attempt_runs_alone() {
     store.claim(dead).await.unwrap().unwrap();
     store.claim(dead).await.unwrap().unwrap();
     let fresh = submit(&store, &cloud(10, 3), 2).await.id;
+    stage.outlive_the_dead();
 
     let (analyze, mut gate) = gated(false);
-    let settings = JobsSettings { concurrent: 3.try_into().unwrap(), ..quick() };
+    let settings = JobsSettings { concurrent: 3, ..quick() };
     let compute = Compute::new("analysis", 3).unwrap();
     let jobs = Jobs::start(store.clone(), compute, analyze, settings).await.unwrap();
     for alone in [suspect, beside] {
@@ -104,10 +105,11 @@ async fn an_innocent_job_beside_one_that_kills_the_process_never_fails() {
     let innocent = submit(&stage.open().await, &cloud(10, 2), 2).await.id;
     let compute = Compute::new("analysis", 2).unwrap();
     for _ in 0..8 {
+        stage.outlive_the_dead();
         // A service of two workers that dies as soon as the poisonous job runs, with whatever runs beside it.
         let store = stage.open().await;
         let (analyze, mut gate) = gated(false);
-        let settings = JobsSettings { concurrent: 2.try_into().unwrap(), ..quick() };
+        let settings = JobsSettings { concurrent: 2, ..quick() };
         let jobs = Jobs::start(store.clone(), compute.clone(), analyze, settings).await.unwrap();
         loop {
             let states = [poison, innocent].map(|id| store.job(id));

@@ -6,10 +6,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use chladni::analysis::JobKind;
 use chladni::store::{ArrayName, Claim, JobState, Numbers, Store, StoreError};
 use uuid::Uuid;
 
-use crate::stage::{Stage, basis_values, cloud, complete, mass, submit, vitals};
+use crate::Place;
+use crate::admission::start;
+use crate::stage::{Stage, basis_values, cloud, complete, mass, parameters, submit, vitals};
+use crate::workers::{PATIENCE, quick};
 
 const ROUNDS: u32 = 20;
 /// Points of a cloud of which a few fill the small disk.
@@ -109,7 +113,7 @@ impl Scene {
 async fn a_full_disk_ends_nothing_for_good_whatever_is_being_written() {
     let folder = tempfile::tempdir().unwrap();
     let Some(disk) = SmallDisk::mount(folder.path(), 24 << 20) else { return };
-    let stage = Stage::within(folder);
+    let stage = Stage::at(Place::within(folder));
     let mut recovered = 0;
     for floor in [0, 1 << 20] {
         let store = stage.open_with(|settings| settings.disk_floor = floor).await;
@@ -136,6 +140,26 @@ async fn a_full_disk_ends_nothing_for_good_whatever_is_being_written() {
     println!("{recovered} of {ROUNDS} full disks recovered from");
     assert_eq!(recovered, ROUNDS);
     stage.assert_sound().await;
+}
+
+#[tokio::test]
+async fn a_disk_that_is_too_full_takes_no_clouds_and_no_jobs_and_gives_what_it_has() {
+    let stage = Stage::new();
+    let roomy = stage.open().await;
+    let stored = roomy.submit(&cloud(20, 1), None).await.unwrap().cloud;
+    let waiting = submit(&roomy, &cloud(20, 2), 2).await;
+    let full = stage.open_with(|settings| settings.disk_floor = u64::MAX).await;
+    assert!(matches!(full.submit(&cloud(20, 3), None).await, Err(StoreError::StorageFull)));
+    let refused = full.submit_job(stored.id, JobKind::Eigen, parameters(2)).await;
+    assert!(matches!(refused, Err(StoreError::StorageFull)));
+    assert!(matches!(full.refuse_when_disk_full().await, Err(StoreError::StorageFull)));
+    assert_eq!(full.load_cloud(stored.id).await.unwrap(), cloud(20, 1));
+
+    let jobs = start(&full, quick()).await;
+    jobs.wake();
+    jobs.stop(PATIENCE).await;
+    let job = full.job(waiting.id).await.unwrap();
+    assert_eq!((job.state, job.attempt), (JobState::Queued, 0), "it waits for room without an attempt");
 }
 
 #[tokio::test]
@@ -171,10 +195,10 @@ async fn free_pages_of_the_file_are_room_on_a_disk_that_is_nearly_full() {
     const FLOOR: u64 = 12 << 20;
     let folder = tempfile::tempdir().unwrap();
     let Some(_disk) = SmallDisk::mount(folder.path(), 32 << 20) else { return };
-    let stage = Stage::within(folder);
+    let stage = Stage::at(Place::within(folder));
     let store = stage.open_with(|settings| settings.disk_floor = FLOOR).await;
     let mut stored = Vec::new();
-    while store.space().await.unwrap().disk_free >= FLOOR {
+    while store.space().await.unwrap().disk_free >= Some(FLOOR) {
         stored.push(store.submit(&cloud(LARGE, stored.len() as u32), None).await.unwrap().cloud.id);
     }
     assert!(matches!(store.submit(&cloud(5, 1), None).await, Err(StoreError::StorageFull)));
@@ -182,13 +206,13 @@ async fn free_pages_of_the_file_are_room_on_a_disk_that_is_nearly_full() {
         store.delete_cloud(cloud).await.unwrap();
     }
     let space = store.space().await.unwrap();
-    assert!(space.disk_free < FLOOR && space.room() >= FLOOR, "{space:?}");
+    assert!(space.disk_free < Some(FLOOR) && space.room() >= FLOOR, "{space:?}");
     store.submit(&cloud(5, 1), None).await.unwrap();
     while store.space().await.unwrap().free_pages > 0 {
         store.shrink(64).await.unwrap();
     }
     stage.tamper("PRAGMA wal_checkpoint(TRUNCATE)").await;
     let space = store.space().await.unwrap();
-    assert!(space.disk_free >= FLOOR && space.file < 1 << 20, "{space:?}");
+    assert!(space.disk_free >= Some(FLOOR) && space.file < 1 << 20, "{space:?}");
     stage.assert_sound().await;
 }

@@ -7,6 +7,7 @@ mod clouds;
 mod durability;
 mod exceptions;
 mod fairness;
+mod file;
 mod followers;
 mod full_disk;
 mod migrations;
@@ -17,3 +18,6 @@ mod results;
 mod retention;
 mod stage;
 mod workers;
+
+/// Where [`stage::Stage`] has its database.
+use file::{Place, SHARES};

@@ -20,7 +20,7 @@ async fn of_the_first_version(stage: &Stage, n: usize, bases: usize) {
     let old = stage.path().with_file_name("old.db");
     let options = SqliteConnectOptions::new().filename(&old).create_if_missing(true);
     let mut connection = options.synchronous(SqliteSynchronous::Off).connect().await.unwrap();
-    let migrations = sqlx::migrate!("./migrations");
+    let migrations = sqlx::migrate!("./migrations/sqlite");
     let first = migrations.iter().next().unwrap();
     sqlx::raw_sql(first.sql.clone()).execute(&mut connection).await.unwrap();
     sqlx::query("ATTACH ?1 AS today")
@@ -84,7 +84,7 @@ async fn many_bases_in_the_chunks_of_the_first_version_are_still_read() {
 async fn a_migration_that_a_crash_left_unrecorded_runs_again() {
     let stage = Stage::new();
     of_the_first_version(&stage, 50, 2).await;
-    let migrations = sqlx::migrate!("./migrations");
+    let migrations = sqlx::migrate!("./migrations/sqlite");
     let second = migrations.iter().nth(1).unwrap();
     sqlx::raw_sql(second.sql.clone()).execute(&mut stage.file().await).await.unwrap();
     let store = stage.open().await;

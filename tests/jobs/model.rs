@@ -187,6 +187,7 @@ impl Pair {
             Step::Restart => {
                 self.store = self.stage.open_with_queue(QUEUE_MAX).await;
                 self.process = Uuid::now_v7();
+                self.stage.outlive_the_dead();
                 let orphans = self.store.requeue_orphans(self.process).await.unwrap();
                 let mut running: Vec<&mut Job> =
                     self.model.jobs.iter_mut().filter(|job| job.state == JobState::Running).collect();
@@ -292,7 +293,7 @@ fn pick<T: Clone>(items: &[T], index: usize) -> Option<T> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: if crate::SHARES { 12 } else { 40 }, ..ProptestConfig::default() })]
 
     #[test]
     fn every_history_of_the_queue_is_the_one_of_the_reference(steps in prop::collection::vec(step(), 1..60)) {

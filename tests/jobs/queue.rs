@@ -188,7 +188,10 @@ async fn a_canceled_job_whose_worker_dies_fails_to_store_or_stops_ends_canceled(
         let claim = store.claim(Uuid::now_v7()).await.unwrap().unwrap();
         store.request_cancel(job.id).await.unwrap();
         match ending {
-            0 => assert_eq!(store.requeue_orphans(Uuid::now_v7()).await.unwrap(), 1),
+            0 => {
+                stage.outlive_the_dead();
+                assert_eq!(store.requeue_orphans(Uuid::now_v7()).await.unwrap(), 1);
+            }
             1 => assert_eq!(store.fail(&claim, failure(), Some(0)).await.unwrap(), JobState::Canceled),
             2 => assert_eq!(store.release(&claim).await.unwrap(), JobState::Canceled),
             _ => {
@@ -223,15 +226,12 @@ async fn the_database_itself_refuses_the_same_analysis_twice_and_a_result_after_
     let stage = Stage::new();
     let store = stage.open().await;
     submit(&store, &cloud(5, 1), 2).await;
-    let mut file = stage.file().await;
-    let twice = sqlx::query(
-        "INSERT INTO jobs (id, cloud_id, created, kind, parameters, state) \
-         SELECT randomblob(16), cloud_id, created, kind, parameters, state FROM jobs",
-    );
-    let refused = twice.execute(&mut file).await.unwrap_err();
+    let twice = "INSERT INTO jobs (id, cloud_id, created, kind, parameters, state) \
+         SELECT randomblob(16), cloud_id, created, kind, parameters, state FROM jobs";
+    let refused = stage.place().tamper(twice.to_owned()).await.unwrap_err();
     assert!(refused.as_database_error().unwrap().is_unique_violation(), "{refused}");
     let canceled = "UPDATE jobs SET state = 'succeeded', finished = 1, report = '{}', cancel_requested = 1";
-    let refused = sqlx::query(canceled).execute(&mut file).await.unwrap_err();
+    let refused = stage.place().tamper(canceled.to_owned()).await.unwrap_err();
     assert!(refused.as_database_error().unwrap().is_check_violation(), "{refused}");
 }
 

@@ -95,10 +95,7 @@ async fn coefficients_come_back_in_their_order_and_damage_is_found() {
     store.put_coefficients(&claim, stored.clone()).await.unwrap();
     store.finish(&claim, &report(31, 2), &vitals()).await.unwrap();
     assert_eq!(store.coefficients(claim.job.id).await.unwrap(), stored);
-    sqlx::query("UPDATE coefficients SET numbers = CAST(zeroblob(16) AS BLOB) WHERE name = 'z'")
-        .execute(&mut stage.file().await)
-        .await
-        .unwrap();
+    stage.tamper("UPDATE coefficients SET numbers = CAST(zeroblob(16) AS BLOB) WHERE name = 'z'").await;
     assert!(matches!(store.coefficients(claim.job.id).await, Err(StoreError::Damaged(_))));
     stage.assert_sound().await;
 }
@@ -248,8 +245,7 @@ async fn changed_numbers_outside_of_the_arrays_are_damage() {
         let stage = Stage::new();
         let store = stage.open().await;
         let cloud = store.submit(&self::cloud(30, 1), None).await.unwrap().cloud.id;
-        let statement = format!("UPDATE clouds SET {change}");
-        sqlx::query(sqlx::AssertSqlSafe(statement)).execute(&mut stage.file().await).await.unwrap();
+        stage.tamper(format!("UPDATE clouds SET {change}")).await;
         assert!(matches!(store.cloud(cloud).await, Err(StoreError::Damaged(_))), "{change}");
         let listed = store.clouds(&Owner::nobody(), None, 10).await.unwrap();
         assert_eq!(listed.items.len(), 0, "one bad row does not hide the others");

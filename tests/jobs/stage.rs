@@ -1,4 +1,4 @@
-//! What the tests stand on: a database in a folder of its own, a clock that is stepped, small clouds and results.
+//! What the tests stand on: a database of their own, a clock that is stepped, small clouds and results.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
@@ -11,30 +11,26 @@ use chladni::store::{
     StoreError, StoreSettings, StoredCoefficients, Vitals,
 };
 use serde_json::json;
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{ConnectOptions, SqliteConnection};
-use tempfile::TempDir;
 use uuid::Uuid;
+
+use crate::Place;
+use crate::SHARES;
 
 pub(crate) const LEASE: Milliseconds = 60_000;
 pub(crate) const ATTEMPTS_MAX: u32 = 3;
 
 pub(crate) struct Stage {
-    folder: TempDir,
+    place: Place,
     clock: Arc<AtomicI64>,
 }
 
 impl Stage {
     pub(crate) fn new() -> Self {
-        Self::within(tempfile::tempdir().unwrap())
+        Self::at(Place::new())
     }
 
-    pub(crate) fn within(folder: TempDir) -> Self {
-        Self { folder, clock: Arc::new(AtomicI64::new(1_000_000)) }
-    }
-
-    pub(crate) fn path(&self) -> std::path::PathBuf {
-        self.folder.path().join("stage.db")
+    pub(crate) fn at(place: Place) -> Self {
+        Self { place, clock: Arc::new(AtomicI64::new(1_000_000)) }
     }
 
     pub(crate) async fn open(&self) -> Store {
@@ -56,7 +52,7 @@ impl Stage {
             ..StoreSettings::default()
         };
         change(&mut settings);
-        Store::open_with(&self.path(), settings).await.unwrap()
+        Store::open_at(&self.place.address(), settings).await.unwrap()
     }
 
     pub(crate) fn now(&self) -> Milliseconds {
@@ -67,27 +63,29 @@ impl Stage {
         self.clock.fetch_add(by, Ordering::SeqCst);
     }
 
-    /// The file itself, behind the store's back.
-    pub(crate) async fn file(&self) -> SqliteConnection {
-        SqliteConnectOptions::new().filename(self.path()).foreign_keys(true).connect().await.unwrap()
+    /// As long as it takes until the claims of a dead process are given up.
+    pub(crate) fn outlive_the_dead(&self) {
+        if SHARES {
+            self.advance(LEASE + 1);
+        }
     }
 
-    /// Runs a statement on the file and returns how many rows it changed.
-    pub(crate) async fn tamper(&self, statement: &'static str) -> u64 {
-        sqlx::query(statement).execute(&mut self.file().await).await.unwrap().rows_affected()
+    pub(crate) fn place(&self) -> &Place {
+        &self.place
     }
 
-    pub(crate) async fn number(&self, query: &'static str) -> i64 {
-        sqlx::query_scalar(query).fetch_one(&mut self.file().await).await.unwrap()
+    /// Runs a statement behind the store's back and returns how many rows it changed.
+    pub(crate) async fn tamper(&self, statement: impl Into<String>) -> u64 {
+        self.place.tamper(statement.into()).await.unwrap()
     }
+}
 
-    pub(crate) async fn assert_sound(&self) {
-        let mut file = self.file().await;
-        let verdict: Vec<String> =
-            sqlx::query_scalar("PRAGMA integrity_check").fetch_all(&mut file).await.unwrap();
-        assert_eq!(verdict, ["ok"]);
-        let dangling = sqlx::query("PRAGMA foreign_key_check").fetch_all(&mut file).await.unwrap();
-        assert_eq!(dangling.len(), 0);
+/// The database, behind the store's back.
+impl std::ops::Deref for Stage {
+    type Target = Place;
+
+    fn deref(&self) -> &Place {
+        &self.place
     }
 }
 

@@ -260,7 +260,7 @@ async fn as_many_jobs_run_at_once_as_was_asked_for() {
     let stage = Stage::new();
     let store = stage.open().await;
     let (analyze, mut gate) = gated(false);
-    let settings = JobsSettings { concurrent: 2.try_into().unwrap(), ..quick() };
+    let settings = JobsSettings { concurrent: 2, ..quick() };
     let compute = Compute::new("analysis", 2).unwrap();
     let jobs = Jobs::start(store.clone(), compute, analyze, settings).await.unwrap();
     for seed in 0..3 {
@@ -352,6 +352,7 @@ async fn a_start_takes_up_what_a_dead_process_left() {
     let store = stage.open().await;
     let job = submit(&store, &cloud(10, 1), 2).await.id;
     store.claim(Uuid::now_v7()).await.unwrap().unwrap();
+    stage.outlive_the_dead();
     let jobs = start(&store, succeeding()).await;
     let done = ended(&store, job).await;
     assert_eq!((done.state, done.attempt), (JobState::Succeeded, 2));

@@ -27,14 +27,19 @@ impl Process {
 
     /// With further flags and environment.
     pub(crate) fn with(database: &Path, flags: &[&str], environment: &[(&str, &str)]) -> Self {
-        let log = database.with_extension("log");
+        let address = database.to_str().unwrap();
+        Self::at(address, database.with_extension("log"), flags, environment)
+    }
+
+    /// On the database at a file or an address.
+    pub(crate) fn at(database: &str, log: PathBuf, flags: &[&str], environment: &[(&str, &str)]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_chladni"))
             .args(["serve", "--listen", "127.0.0.1:0", "--disk-floor", "0", "--database"])
             .arg(database)
             .args(flags)
             .envs(environment.iter().copied())
             .stdout(Stdio::piped())
-            .stderr(File::create(&log).unwrap())
+            .stderr(File::options().create(true).append(true).open(&log).unwrap())
             .spawn()
             .unwrap();
         let mut line = String::new();

@@ -98,6 +98,7 @@ pub(crate) async fn metrics(State(service): State<Shared>) -> Result<Response, P
         body_memory: service.memory.taken(),
         oldest_queued_seconds: service.store.oldest_queued_seconds().await?,
         disk_free: space.disk_free,
+        node: service.store.node().to_string(),
         database_file: space.file,
         database_free: space.free_pages,
     };

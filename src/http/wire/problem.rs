@@ -278,6 +278,11 @@ impl From<StoreError> for Problem {
                 Self::new(Kind::Unavailable, "the database is busy; try again")
                     .with_header(header::RETRY_AFTER, retry::BUSY_SECONDS.to_string())
             }
+            StoreError::Unreachable(_) => {
+                tracing::error!(%error, "a request could not be served");
+                Self::new(Kind::Unavailable, "the database cannot be reached at the moment; try again")
+                    .with_header(header::RETRY_AFTER, retry::BUSY_SECONDS.to_string())
+            }
             StoreError::LostClaim
             | StoreError::InUse { .. }
             | StoreError::Damaged(_)

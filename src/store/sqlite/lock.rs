@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
 
-use super::StoreError;
 use super::database::private_file;
+use crate::store::StoreError;
 
 /// The right to serve or rewrite a database, for as long as it lives.
 #[derive(Debug)]

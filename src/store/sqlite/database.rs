@@ -5,13 +5,12 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::time::Duration;
 
-use sqlx::migrate::MigrateError;
 use sqlx::sqlite::{
     SqliteAutoVacuum, SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous,
 };
 use sqlx::{ConnectOptions, Connection, Row, SqliteConnection, SqlitePool};
 
-use super::{StoreError, StoreSettings};
+use crate::store::{StoreError, StoreSettings};
 
 /// Before 3.51.3 a reset of the write-ahead log could corrupt the database when two connections checkpointed at once
 /// (<https://www.sqlite.org/releaselog/3_51_3.html>).
@@ -60,7 +59,7 @@ pub(super) async fn open(
     let writer = pool(1).connect_with(bounded).await.map_err(not_opened)?;
     check_engine(&writer).await?;
     check_owner(&mut *writer.acquire().await?).await?;
-    sqlx::migrate!("./migrations").run(&writer).await.map_err(not_migrated)?;
+    sqlx::migrate!("./migrations/sqlite").run(&writer).await.map_err(StoreError::not_migrated)?;
     let options = options.pragma("query_only", "ON");
     let arrays = pool(settings.array_readers).connect_with(options.clone()).await?;
     let readers = pool(settings.readers).connect_with(options).await?;
@@ -104,21 +103,6 @@ fn not_opened(error: sqlx::Error) -> StoreError {
             StoreError::Database(format!("the file is damaged, restore a backup: {cause}"))
         }
         other => other,
-    }
-}
-
-fn not_migrated(error: MigrateError) -> StoreError {
-    match error {
-        MigrateError::VersionMissing(version) => StoreError::Database(format!(
-            "it was written by a newer chladni (it has migration {version}); start that version, or restore a backup \
-             that this one wrote"
-        )),
-        MigrateError::VersionMismatch(version) => StoreError::Database(format!(
-            "it was written by another build of chladni (its migration {version} is not this one's); start that build, \
-             or restore a backup that this one wrote"
-        )),
-        MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => error.into(),
-        other => StoreError::Database(other.to_string()),
     }
 }
 

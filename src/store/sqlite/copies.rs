@@ -7,15 +7,16 @@ use std::time::Duration;
 use sqlx::sqlite::{SqliteAutoVacuum, SqliteConnectOptions};
 use sqlx::{ConnectOptions, Connection};
 
+use super::DatabaseLock;
 use super::database::{check_owner, private_file};
-use super::{DatabaseLock, StoreError};
+use crate::store::StoreError;
 
 /// Whoever writes to the database is waited for this long.
 const BUSY: Duration = Duration::from_secs(10);
 
 /// Copies the database as it is at one moment, compacted, and waits until the copy is on the disk. The copy gets its
 /// name only then: what bears it is whole.
-pub(super) async fn copy(path: &Path, copy: &Path) -> Result<(), StoreError> {
+pub(in crate::store) async fn copy(path: &Path, copy: &Path) -> Result<(), StoreError> {
     if copy.try_exists().map_err(failed)? {
         return Err(StoreError::Database("the file of the copy is there already".to_owned()));
     }
@@ -25,7 +26,7 @@ pub(super) async fn copy(path: &Path, copy: &Path) -> Result<(), StoreError> {
 }
 
 /// Puts a compacted copy in the place of the file. Until the last step, which is one renaming, the file is as it was.
-pub(super) async fn compact(path: &Path, _lock: &DatabaseLock) -> Result<(), StoreError> {
+pub(in crate::store) async fn compact(path: &Path, _lock: &DatabaseLock) -> Result<(), StoreError> {
     let path = &path.canonicalize().map_err(failed)?;
     let partial = beside(path, ".compact");
     write_copy(path, &partial, true).await?;
