@@ -2,9 +2,9 @@
 //! the server itself crashes.
 //!
 //! 20 rounds; `CHLADNI_NODE_ROUNDS=200` does more, `CHLADNI_NODE_SEED` repeats the choices of a run. It takes some minutes,
-//! because std::io::Write;
-use a lease takes one to run out.
+//! because a lease takes one to run out.
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
