@@ -2,7 +2,9 @@
 //! figures -- --ignored --nocapture`.
 
 use std::path::Path;
+use std::time::Duration;
 
+use fantoccini::wd::TimeoutConfiguration;
 use serde_json::Value;
 
 use crate::browser::Browser;
@@ -44,14 +46,10 @@ async fn times_of_the_viewer() {
         browser.set("parameter-operator", "voronoi").await;
         let path = Path::new(scan).canonicalize().unwrap();
         browser.keys("input[type=file]", path.to_str().unwrap()).await;
-        let mut state = Value::Null;
-        // A scan of a million points is analyzed longer than a page is waited for.
-        for _ in 0..10 {
-            state = browser.state("s.phase === 'ready' || s.error || s.frames % 600 === 599").await;
-            if state["phase"] == "ready" || !state["error"].is_null() {
-                break;
-            }
-        }
+        // a scan of a million points is analyzed, and drawn without a graphics card, longer than a page is waited for
+        let patience = TimeoutConfiguration::new(Some(Duration::from_mins(15)), None, None);
+        browser.client.update_timeouts(patience).await.unwrap();
+        let state = browser.state("s.phase === 'ready' || s.error").await;
         assert_eq!(state["error"], Value::Null);
         let measured = browser.run("return window.chladni.measure(9)", vec![]).await;
         let moving = browser.run("return window.chladni.measure(9, 2e6)", vec![]).await;
