@@ -82,6 +82,11 @@ fuzz:
 numerics: release
     target/release/chladni reproduce
 
+# Seconds and memory beside the peer, left in target/ratios.md; they fail nothing
+ratios: release
+    benches/compare.sh --bases 100 > target/ratios.md || echo 'The peer cannot be had here: no ratios.' | tee target/ratios.md
+    cat target/ratios.md
+
 # Benchmarks of the stages; benches/compare.sh compares with other tools
 bench:
     cargo bench

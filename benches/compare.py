@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 import os
 import pathlib
 import subprocess
@@ -58,6 +59,19 @@ def points_of(cloud, folder):
     return path
 
 
+def points_count(path):
+    import numpy
+
+    return len(numpy.load(path, mmap_mode="r"))
+
+
+def exponent(sizes, seconds):
+    """The power of the number of points that the seconds grow with, by least squares of logarithms."""
+    x, y = [[math.log(value) for value in values] for values in (sizes, seconds)]
+    middle = sum(x) / len(x)
+    return sum((a - middle) * b for a, b in zip(x, y)) / sum((a - middle) ** 2 for a in x)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("chladni")
@@ -67,11 +81,13 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         clouds = arguments.clouds
         if not clouds:
-            bumpy = pathlib.Path(folder) / "bumpy-sphere.npy"
-            run([arguments.chladni, "sample", "bumpy-sphere", "--points", "90000", "-o", str(bumpy)])
-            clouds = [bumpy]
+            clouds = [pathlib.Path(folder) / f"bumpy-sphere-{points}.npy" for points in (30_000, 90_000)]
+            for cloud in clouds:
+                points = cloud.stem.rsplit("-", 1)[1]
+                run([arguments.chladni, "sample", "bumpy-sphere", "--points", points, "-o", str(cloud)])
         print(f"| cloud, {arguments.bases} bases | `voronoi` | `pb-mhb` | peer | ratios of seconds | of memory |")
         print("|---|---|---|---|---|---|")
+        sizes, times = [], []
         for cloud in clouds:
             out = os.path.join(folder, "result")
             mine = [ours(arguments.chladni, str(cloud), arguments.bases, o, out) for o in ("voronoi", "pb-mhb")]
@@ -81,6 +97,11 @@ def main():
             cells = [f"{seconds:.1f} s, {gigabytes:.2f} GB" for seconds, gigabytes in [*mine, peer]]
             ratios = [", ".join(f"{own[i] / peer[i]:.2f}" for own in mine) for i in (0, 1)]
             print(f"| {cloud.name} | " + " | ".join([*cells, *ratios]) + " |", flush=True)
+            sizes.append(points_count(points))
+            times.append([seconds for seconds, _ in [*mine, peer]])
+        if len(set(sizes)) > 1:
+            grown = [f"{exponent(sizes, seconds):.2f}" for seconds in zip(*times)]
+            print(f"\nSeconds grow with points to the power of {grown[0]}, {grown[1]} and {grown[2]}.")
 
 
 main()
