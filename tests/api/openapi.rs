@@ -238,7 +238,14 @@ fn no_two_schemas_share_a_name() {
     let documented = document();
     let documented: BTreeSet<_> =
         documented["components"]["schemas"].as_object().unwrap().keys().cloned().collect();
-    assert!(documented.is_subset(&seen), "{:?}", documented.difference(&seen));
+    // the macro of enums of words derives their schemas
+    let words: BTreeSet<_> = rust_files(&source)
+        .iter()
+        .flat_map(|file| enums_of_words(&std::fs::read_to_string(file).unwrap()))
+        .collect();
+    let unknown: Vec<_> =
+        documented.iter().filter(|&name| !seen.contains(name) && !words.contains(name)).collect();
+    assert!(unknown.is_empty(), "{unknown:?}");
 }
 
 fn rust_files(directory: &Path) -> Vec<std::path::PathBuf> {
@@ -249,6 +256,12 @@ fn rust_files(directory: &Path) -> Vec<std::path::PathBuf> {
         false => Vec::new(),
     };
     entries.flat_map(of_entry).collect()
+}
+
+/// Names of the enums that `words!` declares in a source file.
+fn enums_of_words(text: &str) -> Vec<String> {
+    let declarations = text.split("words! {").skip(1).filter_map(|rest| rest.split_once("enum "));
+    declarations.filter_map(|(_, rest)| rest.split_whitespace().next()).map(str::to_owned).collect()
 }
 
 /// Names of the types that derive `ToSchema` in a source file, as the document has them.
