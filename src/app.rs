@@ -150,7 +150,9 @@ impl App {
             let router = http::router(service);
             tokio::spawn(listener::serve(listener, router, settings.connections(), stopping))
         });
-        tracing::info!(node = %store.node(), database = %settings.database, "started");
+        // paths of this machine are no one's business who reads the log elsewhere
+        let server = settings.database.path().is_none().then(|| settings.database.to_string());
+        tracing::info!(node = %store.node(), database = server.as_deref(), "started");
         Ok(Self { address, stopping, listening, jobs, store, keys, settings, _lock: lock })
     }
 

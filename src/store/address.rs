@@ -73,12 +73,15 @@ impl fmt::Debug for DatabaseAddress {
     }
 }
 
-/// Scheme, user, host and name: a password may stand before the host or among the parameters.
+/// Scheme, user, host and name: a password may stand before the host or among the parameters. Of an address with signs that
+/// had to be escaped only the scheme is shown: where its password ends is a guess.
 fn without_secrets(address: &str) -> String {
-    let (scheme, rest) = address.split_once("://").unwrap_or(("", address));
-    let rest = rest.split(['?', '#']).next().unwrap_or_default();
-    // What stands before the last `@` is user and password, whatever either contains.
-    let (user, place) = match rest.rsplit_once('@') {
+    let (scheme, all) = address.split_once("://").unwrap_or(("", address));
+    let rest = all.split(['?', '#']).next().unwrap_or_default();
+    if all.matches('@').count() > rest.matches('@').count().min(1) {
+        return format!("{scheme}://…");
+    }
+    let (user, place) = match rest.split_once('@') {
         Some((login, place)) => (login.split(':').next().filter(|user| !user.is_empty()), place),
         None => (None, rest),
     };
@@ -96,6 +99,9 @@ mod tests {
             ("postgres://kim:s3cret@db.example:5433/chladni", "postgres://kim@db.example:5433/chladni"),
             ("postgres://kim:s%40cret@db.example/chladni", "postgres://kim@db.example/chladni"),
             ("postgres://kim@db.example/chladni?password=s3cret", "postgres://kim@db.example/chladni"),
+            ("postgres://kim:s3@cret@db.example/chladni", "postgres://…"),
+            ("postgres://kim:s3?cret@db.example/chladni", "postgres://…"),
+            ("postgres://kim@db.example/chladni?password=s3@cret", "postgres://…"),
             ("postgresql:///chladni?host=/tmp&user=kim&password=s3cret", "postgresql:///chladni"),
         ] {
             let address: DatabaseAddress = address.parse().unwrap();
