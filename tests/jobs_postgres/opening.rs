@@ -12,7 +12,7 @@ async fn refusal(address: &str) -> String {
     let address: DatabaseAddress = address.parse().unwrap();
     let refused =
         tokio::time::timeout(Duration::from_secs(30), Store::open_at(&address, StoreSettings::default()));
-    let why = refused.await.expect("it waits").err().expect("it opens").to_string();
+    let why = refused.await.expect("it waits").expect_err("it opens").to_string();
     assert!(!why.contains('\n'), "more than one line: {why}");
     why
 }

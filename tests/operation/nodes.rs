@@ -28,6 +28,7 @@ const STOPPED: Duration = Duration::from_mins(2);
 const DRAINED: Duration = Duration::from_mins(10);
 
 /// A cluster and a database, or why there is none.
+#[allow(clippy::print_stdout)] // a skipped test must say so
 fn cluster() -> Option<(Cluster, String)> {
     match Cluster::start() {
         Ok(cluster) => {

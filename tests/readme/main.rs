@@ -12,7 +12,7 @@ use std::process::{Child, Command, Stdio};
 use tempfile::TempDir;
 
 /// Every page whose commands, links and pictures must work.
-const PAGES: [&str; 12] = [
+const PAGES: [&str; 13] = [
     "README.md",
     "CONTRIBUTING.md",
     "docs/accuracy.md",
@@ -24,6 +24,7 @@ const PAGES: [&str; 12] = [
     "docs/performance.md",
     "docs/quantities.md",
     "docs/results.md",
+    "docs/scale-out.md",
     "docs/viewer.md",
 ];
 /// Where the service of the pages listens.
