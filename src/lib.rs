@@ -164,7 +164,7 @@
 //! ```
 //!
 //! A [`Signature`] describes each point by what it sees of the surface, a [`Distance`] compares it with another, and
-//! [`features`] finds the tips at which many bases have [`extrema`].
+//! [`features`] finds the places at which consecutive bases have [`extrema`].
 //!
 //! ```
 //! use chladni::{
@@ -173,9 +173,9 @@
 //! };
 //!
 //! let ellipsoid = sample(&SampleRequest::new(Shape::Ellipsoid, 1_000))?;
-//! let found = Laplacian::of(&ellipsoid).eigenpairs(16)?;
+//! let found = Laplacian::of(&ellipsoid).eigenpairs(60)?;
 //! let modes = Modes::of(found.report.spectrum.as_ref().expect("eigenpairs come with a spectrum"));
-//! let block = Block { first: 0, columns: (0..16).map(|j| found.basis(j)).collect::<Vec<_>>() };
+//! let block = Block { first: 0, columns: (0..60).map(|j| found.basis(j)).collect::<Vec<_>>() };
 //!
 //! let signature = Signature::new(SignatureKind::Hks, 3, &modes).expect("there are modes");
 //! assert_eq!(signature.values(&block).len(), 3);
@@ -188,8 +188,8 @@
 //! let extrema: Vec<Vec<Extremum>> =
 //!     block.columns[1..].iter().map(|basis| extrema(basis, &around, sampling.area)).collect();
 //! let places = features(&extrema, 1, &around, 0.1);
-//! let tip: Feature = places[0].in_cloud(&around, &ellipsoid);
-//! assert!(tip.position[0].abs() > 0.9); // an end of the longest axis, which is 1 long
+//! let found: Feature = places[0].in_cloud(&around, &ellipsoid);
+//! assert!(found.position[2].abs() > 0.55); // an end of the shortest axis, which is 0.6 long
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
