@@ -21,7 +21,7 @@
 /// ```
 ///
 /// Kinds of values: `integer(least, most)` (usize), `positive`, `nonnegative`, `range(low, high)` (f64), `switch` (bool),
-/// `word(T)` (T is declared by `words!`), `id(T)` (T reads a UUID), `text` (String), `names` (Vec<String>). An argument has a `default`, or is an `Option` (or names)
+/// `word(T)` (T is declared by `words!`), `id(T)` (T reads a UUID), `text` (String), `names` (`Vec<String>`). An argument has a `default`, or is an `Option` (or names)
 /// and says in words what holds when it is `absent`.
 macro_rules! arguments {
     (
