@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# How much faster two nodes are than one, and how long a job waits: `benches/nodes.sh [jobs]`, on an idle machine with the
+# How much faster two nodes are than one, and how long a job waits: `benches/nodes.sh [jobs] [points]`, on an idle machine with the
 # programs of PostgreSQL. Each node computes with one thread; a job takes about a second.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 jobs=${1:-40}
+points=${2:-6000}
 chladni=${CHLADNI:-target/release/chladni}
 programs=$(ls -d /usr/lib/postgresql/*/bin | sort -V | tail -n 1)
 folder=$(mktemp -d)
@@ -38,7 +39,7 @@ start() { # name, database, flags
 stop() { for node in "${nodes[@]}"; do kill "$node"; wait "$node" 2> /dev/null || true; done; nodes=(); }
 
 for seed in $(seq "$jobs"); do
-    "$chladni" sample sphere --points $((6000 + seed)) -o "$folder/$seed.npy"
+    "$chladni" sample sphere --points $((points + seed)) -o "$folder/$seed.npy" > /dev/null
 done
 submit_all() {
     for seed in $(seq "$jobs"); do
