@@ -139,7 +139,7 @@ macro_rules! groups {
         }
     };
 }
-#[cfg(any(feature = "server", test))]
+#[cfg(feature = "server")]
 pub(crate) use groups;
 
 #[cfg(test)]
