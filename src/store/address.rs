@@ -37,7 +37,9 @@ impl DatabaseAddress {
     pub(super) fn server(&self) -> Option<Result<PgConnectOptions, sqlx::Error>> {
         match &self.0 {
             Place::File(_) => None,
-            Place::Postgres(address) => Some(address.parse()),
+            Place::Postgres(address) if is_postgres(address) => Some(address.parse()),
+            // the driver takes any scheme for its own
+            Place::Postgres(_) => Some(Err(sqlx::Error::Configuration("another scheme".into()))),
         }
     }
 }
@@ -53,8 +55,7 @@ impl FromStr for DatabaseAddress {
 
     /// Whether an address can be read is told when it is opened: what reads command lines would repeat it with its password.
     fn from_str(text: &str) -> Result<Self, Infallible> {
-        let is_address = text.starts_with("postgres://") || text.starts_with("postgresql://");
-        Ok(if is_address { Self(Place::Postgres(text.to_owned())) } else { Self::file(text) })
+        Ok(if text.contains("://") { Self(Place::Postgres(text.to_owned())) } else { Self::file(text) })
     }
 }
 
@@ -71,6 +72,11 @@ impl fmt::Debug for DatabaseAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self}")
     }
+}
+
+fn is_postgres(address: &str) -> bool {
+    let scheme = address.split("://").next().unwrap_or_default();
+    ["postgres", "postgresql"].iter().any(|known| scheme.eq_ignore_ascii_case(known))
 }
 
 /// Scheme, user, host and name: a password may stand before the host or among the parameters. Of an address with signs that
@@ -108,6 +114,17 @@ mod tests {
             assert_eq!((address.to_string(), format!("{address:?}")), (shown.to_owned(), shown.to_owned()));
             assert_eq!(address.path(), None);
         }
+    }
+
+    #[test]
+    fn addresses_of_other_databases_are_neither_files_nor_servers() {
+        for other in ["mysql://kim@db/chladni", "sqlite://chladni.db", "http://db.example/"] {
+            let address: DatabaseAddress = other.parse().unwrap();
+            assert_eq!(address.path(), None, "{other}");
+            assert!(address.server().unwrap().is_err(), "{other}");
+        }
+        let address: DatabaseAddress = "PostgreSQL://db.example/chladni".parse().unwrap();
+        assert!(address.server().unwrap().is_ok());
     }
 
     #[test]

@@ -50,7 +50,11 @@ fn refuse(why: String) -> StoreError {
 }
 
 fn unusable(_: Error) -> StoreError {
-    refuse("it is not an address such as postgres://user:password@host:5432/database".to_owned())
+    refuse(
+        "it is not an address such as postgres://user:password@host:5432/database; a database of SQLite is given by the path \
+         of its file"
+            .to_owned(),
+    )
 }
 
 /// Host and port, or the socket's folder.
