@@ -5,6 +5,7 @@ mod backup;
 mod client;
 mod compact;
 mod completions;
+mod database;
 mod demo;
 mod environment;
 mod flags;

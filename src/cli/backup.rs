@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use chladni::app::{DatabaseAddress, backup};
+use chladni::app::backup;
 
+use super::database::DatabaseArgs;
 use super::{Failure, block_on};
 
 /// Copy the database into a new file, as of one moment, while the service goes on.
@@ -12,15 +13,8 @@ pub(crate) struct BackupArgs {
     /// The file to write; it must not be there yet. It is a database to serve from, as it is.
     copy: PathBuf,
 
-    /// File of the database.
-    #[arg(
-        long,
-        env = "CHLADNI_DATABASE",
-        value_name = "FILE",
-        hide_env_values = true,
-        default_value = "chladni.db"
-    )]
-    database: DatabaseAddress,
+    #[command(flatten)]
+    database: DatabaseArgs,
 }
 
 /// Writes the copy.
@@ -29,13 +23,8 @@ pub(crate) struct BackupArgs {
 /// [`Failure`]: nothing to copy, a file that is there already, or a full disk.
 #[allow(clippy::print_stdout)] // tells what was done
 pub(crate) fn run(args: &BackupArgs) -> Result<(), Failure> {
-    let Some(database) = args.database.path() else {
-        let why = "a PostgreSQL database is copied by its own tools: pg_dump --format=custom";
-        return Err(Failure::Input(why.to_owned()));
-    };
-    if !database.is_file() {
-        return Err(Failure::Input(format!("there is no database at {}", database.display())));
-    }
+    let database =
+        args.database.file("a PostgreSQL database is copied by its own tools: pg_dump --format=custom")?;
     if args.copy.exists() {
         return Err(Failure::Input(format!("{} is there already", args.copy.display())));
     }

@@ -1,22 +1,16 @@
 //! `chladni compact`: the database without the space of deleted data, while no service runs.
 
-use chladni::app::{DatabaseAddress, compact};
+use chladni::app::compact;
 
+use super::database::DatabaseArgs;
 use super::{Failure, block_on};
 
 /// Rewrite the database without the space of deleted data. The service must be stopped, and the disk must have room for
 /// the new file beside the old one.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompactArgs {
-    /// File of the database.
-    #[arg(
-        long,
-        env = "CHLADNI_DATABASE",
-        value_name = "FILE",
-        hide_env_values = true,
-        default_value = "chladni.db"
-    )]
-    database: DatabaseAddress,
+    #[command(flatten)]
+    database: DatabaseArgs,
 }
 
 /// Compacts the database.
@@ -25,14 +19,8 @@ pub(crate) struct CompactArgs {
 /// [`Failure`]: no database there, one that is served, or a full disk; the file is as it was then.
 #[allow(clippy::print_stdout)] // tells what was done
 pub(crate) fn run(args: &CompactArgs) -> Result<(), Failure> {
-    let Some(database) = args.database.path() else {
-        return Err(Failure::Input(
-            "a PostgreSQL server looks after its space itself, by autovacuum".to_owned(),
-        ));
-    };
-    if !database.is_file() {
-        return Err(Failure::Input(format!("there is no database at {}", database.display())));
-    }
+    let database =
+        args.database.file("a PostgreSQL server looks after its space itself, by autovacuum")?;
     let size = || std::fs::metadata(database).map(|file| file.len()).map_err(Failure::other);
     let before = size()?;
     block_on(compact(database))?;

@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::inverse::Inverse;
-use super::lobpcg::Preconditioner;
+use super::preconditioner::Preconditioner;
 use super::orthogonal::eigen;
 use super::vectors::block::{Block, column_products};
 use super::vectors::sparse_product::sparse_product;

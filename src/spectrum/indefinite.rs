@@ -3,7 +3,7 @@
 use super::certificates::MissedCheck;
 use super::factor::Symbolic;
 use super::general::GeneralPairs;
-use super::lobpcg::Preconditioner;
+use super::preconditioner::Preconditioner;
 use super::narrow::{guarded, narrow_vectors};
 use super::solution::{Method, Request, Solution, certified};
 use super::vectors::block::Block;

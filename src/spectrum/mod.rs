@@ -24,6 +24,7 @@ pub mod lobpcg;
 mod narrow;
 pub mod orthogonal;
 mod polish;
+pub mod preconditioner;
 mod probe;
 pub mod problem;
 mod ritz;
@@ -31,6 +32,7 @@ pub mod shift_invert;
 pub mod slicing;
 mod solution;
 mod solver;
+mod trial_space;
 pub mod vectors;
 mod weyl;
 

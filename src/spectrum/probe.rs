@@ -3,7 +3,7 @@
 use faer::Mat;
 
 use super::factor::Cholesky;
-use super::lobpcg::Preconditioner;
+use super::preconditioner::Preconditioner;
 use super::orthogonal::{eigen, orthonormalize};
 use super::vectors::block::{Block, add_product, gram};
 use super::vectors::sparse_product::sparse_product;

@@ -17,18 +17,6 @@ use crate::analysis::{JobKind, Parameters, memory_estimate};
 const ENTRIES_PER_ROW: u64 = 60;
 
 impl JobState {
-    /// Lowercase name, as in the interface.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Queued => "queued",
-            Self::Running => "running",
-            Self::Succeeded => "succeeded",
-            Self::Failed => "failed",
-            Self::Canceled => "canceled",
-        }
-    }
-
     /// Whether a job in this state stays in it.
     #[must_use]
     pub fn is_terminal(self) -> bool {

@@ -6,6 +6,7 @@ use uuid::Uuid;
 
 use super::{Milliseconds, Owner};
 use crate::analysis::{JobKind, Parameters, Report};
+use crate::arguments::words;
 use crate::cloud::{Grid, Origin, ScalarType};
 use crate::progress::Phase;
 
@@ -64,34 +65,20 @@ impl CloudRecord {
     }
 }
 
-/// Where a job is in its life.
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    Hash,
-    Serialize,
-    Deserialize,
-    ToSchema,
-    strum::EnumString,
-    strum::IntoStaticStr,
-    strum::VariantNames,
-)]
-#[strum(serialize_all = "kebab-case")]
-#[serde(rename_all = "lowercase")]
-pub enum JobState {
-    /// Waiting for a worker.
-    Queued,
-    /// Computing.
-    Running,
-    /// Ended with a result.
-    Succeeded,
-    /// Ended with an error.
-    Failed,
-    /// Ended because somebody asked for it.
-    Canceled,
+words! {
+    /// Where a job is in its life.
+    pub enum JobState {
+        /// Waiting for a worker.
+        Queued,
+        /// Computing.
+        Running,
+        /// Ended with a result.
+        Succeeded,
+        /// Ended with an error.
+        Failed,
+        /// Ended because somebody asked for it.
+        Canceled,
+    }
 }
 
 /// Why a job failed, in words for its owner.

@@ -8,6 +8,7 @@ use super::connection::Connection;
 use super::rows::integer;
 use super::{CHUNK_POINTS, Claim, Store, StoreError, detached, off_thread};
 use crate::analysis::JobKind;
+use crate::arguments::words;
 
 /// The eigenvector of an eigenpair; the report has its numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,27 +19,17 @@ pub struct BasisValues {
     pub values: Vec<f64>,
 }
 
-/// An array of a job that is not a basis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ArrayName {
-    /// Mass B of every row.
-    Mass,
-    /// Row offsets of Q.
-    Offsets,
-    /// Columns of Q.
-    Columns,
-    /// Entries of Q.
-    Values,
-}
-
-impl ArrayName {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Mass => "mass",
-            Self::Offsets => "offsets",
-            Self::Columns => "columns",
-            Self::Values => "values",
-        }
+words! {
+    /// An array of a job that is not a basis.
+    pub enum ArrayName {
+        /// Mass B of every row.
+        Mass,
+        /// Row offsets of Q.
+        Offsets,
+        /// Columns of Q.
+        Columns,
+        /// Entries of Q.
+        Values,
     }
 }
 

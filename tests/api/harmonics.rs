@@ -57,6 +57,47 @@ fn array(bytes: &[u8]) -> (Vec<u64>, Vec<f64>) {
     (file.shape().to_vec(), file.into_vec().unwrap())
 }
 
+/// A file of single precision holds the numbers of that of double precision, rounded.
+#[tokio::test]
+async fn arrays_of_single_precision_are_the_rounded_ones() {
+    let (service, id) = finished().await;
+    let operator = service.succeed("kind=operator", file(&sphere(POINTS), Format::Ply)).await;
+    let cloud = service.json(&format!("/jobs/{id}")).await["cloud_id"].as_str().unwrap().to_owned();
+    let posted = json!(vec![0.1; POINTS]).to_string();
+    for (path, body) in [
+        (format!("/clouds/{cloud}/points?format=npy"), None),
+        (format!("/jobs/{id}/bases.npy?first=1"), None),
+        (format!("/jobs/{id}/coefficients.npy?bands=2"), None),
+        (format!("/jobs/{id}/filtered.npy?cutoff=5"), None),
+        (format!("/jobs/{id}/signatures.npy?count=3"), None),
+        (format!("/jobs/{id}/distances.npy?from=3"), None),
+        (format!("/jobs/{id}/synthesis?format=npy"), Some(json!([0.0, 1.0]).to_string())),
+        (format!("/jobs/{id}/coefficients?format=npy"), Some(posted.clone())),
+        (format!("/jobs/{operator}/laplacian?format=npy"), Some(posted)),
+    ] {
+        let send = async |path: &str| {
+            let url = service.url(path);
+            let request = match &body {
+                Some(body) => service.client.post(url).body(body.clone()),
+                None => service.client.get(url),
+            };
+            let answer = request.send().await.unwrap();
+            let tag = answer.headers().get("etag").cloned();
+            (tag, bytes(answer).await)
+        };
+        let (tag, double) = send(&path).await;
+        let and = if path.contains('?') { '&' } else { '?' };
+        let (tag_of_single, single) = send(&format!("{path}{and}dtype=f32")).await;
+        let (shape, values) = array(&double);
+        let file = npyz::NpyFile::new(&single[..]).unwrap();
+        assert_eq!(file.shape(), shape, "{path}");
+        let rounded: Vec<f32> = values.iter().map(|&x| x as f32).collect();
+        let found: Vec<f32> = file.into_vec().unwrap();
+        assert!(found.iter().zip(&rounded).all(|(a, b)| a.to_bits() == b.to_bits()), "{path}");
+        assert!(tag.is_none() || tag != tag_of_single, "{path}: other bytes have another tag");
+    }
+}
+
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap_or(f64::NAN)).collect()
 }

@@ -2,10 +2,11 @@
 //! the server itself crashes.
 //!
 //! 20 rounds; `CHLADNI_NODE_ROUNDS=200` does more, `CHLADNI_NODE_SEED` repeats the choices of a run. It takes some minutes,
-//! because a lease takes one to run out.
+//! because a lease takes one to run out. With `CHLADNI_OLDER=PROGRAM` the nodes begin as that version and are this one when
+//! they start again: a rolling replacement.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -53,7 +54,9 @@ impl Nodes {
     fn start(address: &str, count: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut nodes = Self { address: address.to_owned(), folder, running: Vec::new() };
-        nodes.running = (0..count).map(|place| nodes.node(place, &[])).collect();
+        let older = std::env::var("CHLADNI_OLDER");
+        let program = older.as_deref().unwrap_or(env!("CARGO_BIN_EXE_chladni"));
+        nodes.running = (0..count).map(|place| nodes.node_of(Path::new(program), place, &[])).collect();
         nodes
     }
 
@@ -62,8 +65,12 @@ impl Nodes {
     }
 
     fn node(&self, place: usize, flags: &[&str]) -> Process {
+        self.node_of(Path::new(env!("CARGO_BIN_EXE_chladni")), place, flags)
+    }
+
+    fn node_of(&self, program: &Path, place: usize, flags: &[&str]) -> Process {
         let flags = [&["--threads", "1", "--memory-budget", "1GiB"], flags].concat();
-        Process::at(&self.address, self.log(place), &flags, &[])
+        Process::of(program, &self.address, self.log(place), &flags, &[])
     }
 
     /// How often this node had to leave a job to another.

@@ -33,7 +33,18 @@ impl Process {
 
     /// On the database at a file or an address.
     pub(crate) fn at(database: &str, log: PathBuf, flags: &[&str], environment: &[(&str, &str)]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_chladni"))
+        Self::of(Path::new(env!("CARGO_BIN_EXE_chladni")), database, log, flags, environment)
+    }
+
+    /// The same of another binary.
+    pub(crate) fn of(
+        program: &Path,
+        database: &str,
+        log: PathBuf,
+        flags: &[&str],
+        environment: &[(&str, &str)],
+    ) -> Self {
+        let mut child = Command::new(program)
             .args(["serve", "--listen", "127.0.0.1:0", "--disk-floor", "0", "--database"])
             .arg(database)
             .args(flags)

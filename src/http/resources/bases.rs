@@ -8,23 +8,12 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::bases_files::Selection;
-use crate::arguments::{arguments, words};
-use crate::cloud::ScalarType;
+use crate::arguments::arguments;
 use crate::http::results::offered::offered;
 use crate::http::results::request::ResultRequest;
 use crate::http::wire::accept::{CSV, JSON, NPY, NPZ, PLY};
 use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::problem_sets::{RangeProblem, ResultProblems};
-
-words! {
-    /// Type of numbers in files.
-    pub(crate) enum Precision {
-        /// Eight bytes.
-        F64,
-        /// Four bytes.
-        F32,
-    }
-}
 
 /// Bytes of a number in memory, and as JSON text.
 const BASIS_NUMBER_BYTES: u64 = 8 + 22;
@@ -37,8 +26,6 @@ arguments! {
         first: usize = integer(0, usize::MAX), default 0;
         /// Number of bases.
         count: Option<usize> = integer(1, usize::MAX), absent "all from the first";
-        /// Type of the bases in npy, npz and ply.
-        dtype: Option<Precision> = word(Precision), absent "f64 for npy and npz, f32 for ply";
     }
 }
 
@@ -89,11 +76,8 @@ pub(crate) async fn bases(request: ResultRequest<ReadBases>) -> Result<Response,
         chunk_rows: job.chunk_points,
         bases: bases.clone(),
     };
-    let kind = match (request.arguments.dtype, offer) {
-        (Some(Precision::F32), _) | (None, PLY) => ScalarType::Float32,
-        _ => ScalarType::Float64,
-    };
-    let tag = format!("{}-{}-{}-{}", job.id.simple(), bases.start, bases.end, kind.ply_name());
+    let kind = request.kind();
+    let tag = format!("{}-{}-{}", job.id.simple(), bases.start, bases.end);
     let plan = request.plan(tag, format!("bases-{}", job.id));
     if let Some(answer) = plan.unchanged() {
         return Ok(answer);

@@ -10,8 +10,7 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::arguments::arguments;
-use crate::cloud::writer::{Column, encode_rows, npy_header};
-use crate::cloud::{PointCloud, ScalarType};
+use crate::cloud::PointCloud;
 use crate::harmonics::filtered::Target;
 use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Bands, Energy, Function, Modes, Transformed, transform};
@@ -19,6 +18,7 @@ use crate::http::results::functions::{self, NumberLists, forward, of_own};
 use crate::http::results::offered::offered;
 use crate::http::results::per_row::PerRow;
 use crate::http::results::request::{self, Harmonics, ResultRequest};
+use crate::http::results::rows::npy_file;
 use crate::http::wire::accept::{JSON, NPY, PLY};
 use crate::http::wire::body::IncomingBody;
 use crate::http::wire::problem::{Kind, Problem};
@@ -118,7 +118,7 @@ pub(crate) async fn of_posted(
     let eigen = request.eigen().await?;
     let (given, reservation) = functions::receive(&request.service, body).await?;
     functions::check_length(&given, eigen.0.points as usize)?;
-    let mut harmonics = request.harmonics_of(eigen, reservation).await?;
+    let mut harmonics = request.harmonics_of(eigen, reservation, 0).await?;
     let mass = request.service.store.mass(harmonics.job.id).await?;
     request.forget_conditions();
     let tag = harmonics.job.id.simple().to_string();
@@ -167,11 +167,12 @@ async fn answer(
     tag: String,
 ) -> Result<Response, Problem> {
     let Harmonics { job, modes, bases, reservation } = harmonics;
-    let (offer, bands) = (request.offer, request.arguments.bands);
+    let (offer, kind, bands) = (request.offer, request.kind(), request.arguments.bands);
     let (stem, points) = (stem(job.id), bases.rows());
     let encode = move || {
         if offer == NPY {
-            return Ok(npy(&found));
+            let columns: Vec<&[f64]> = found.iter().map(|function| &function.coefficients[..]).collect();
+            return Ok(npy_file(&columns, kind));
         }
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
         let named = || given.iter().map(|function| function.name.clone()).zip(&found);
@@ -192,16 +193,6 @@ async fn answer(
     };
     let bytes = request.service.compute.run(encode).await??;
     request.plan(tag, stem).send(reservation, bytes)
-}
-
-/// Bases × functions, in C order.
-fn npy(found: &[Transformed]) -> Vec<u8> {
-    let kind = ScalarType::Float64;
-    let rows = found.first().map_or(0, |function| function.coefficients.len());
-    let columns: Vec<_> = found.iter().map(|f| Column { values: &f.coefficients, stride: 1, kind }).collect();
-    let mut bytes = npy_header(rows, found.len(), kind);
-    bytes.extend(encode_rows(&columns, rows));
-    bytes
 }
 
 /// Functions from posted coefficients: the inverse of the transform.
@@ -227,7 +218,9 @@ pub(crate) async fn synthesis(
     let eigen = request.eigen().await?;
     let (given, reservation) = functions::receive(&request.service, body).await?;
     check_coefficients(&given, &Modes::of(&eigen.1))?;
-    let Harmonics { job, bases, reservation, .. } = request.harmonics_of(eigen, reservation).await?;
+    let columns = given.len();
+    let Harmonics { job, bases, reservation, .. } =
+        request.harmonics_of(eigen, reservation, columns).await?;
     request.forget_conditions();
     let names: Vec<String> = given.iter().map(|function| function.name.clone()).collect();
     let head = Map::from_iter([

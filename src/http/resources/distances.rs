@@ -55,7 +55,7 @@ pub(crate) struct Distances {
     )
 )]
 pub(crate) async fn distances(request: ResultRequest<DistanceRequest>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, reservation } = request.harmonics().await?;
+    let Harmonics { job, modes, bases, reservation } = request.harmonics_per_row(1).await?;
     let DistanceRequest { from, kind, time } = request.arguments;
     if time.is_some() && kind == DistanceKind::Biharmonic {
         return Err(Problem::new(Kind::InvalidParameter, "parameter `time` belongs to kind=diffusion")

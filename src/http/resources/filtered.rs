@@ -9,8 +9,8 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::arguments::{arguments, groups};
-use crate::cloud::writer::{Column, PlyEncoding, encode_rows, npy_header};
-use crate::cloud::{PointCloud, ScalarType};
+use crate::cloud::writer::PlyEncoding;
+use crate::cloud::PointCloud;
 use crate::harmonics::collapse::collapse;
 use crate::harmonics::filtered::rows as rows_of;
 use crate::harmonics::filtered::{Change, Named, Target};
@@ -20,6 +20,7 @@ use crate::http::results::cloud_file::{self, Ply, Rows, Unplaced};
 use crate::http::results::functions::{self, NumberLists, of_own};
 use crate::http::results::offered::{Resource, offered};
 use crate::http::results::request::{self, Harmonics, ResultRequest};
+use crate::http::results::rows::npy_file;
 use crate::http::results::view;
 use crate::http::wire::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, OBJ, OFF, Offer, PCD, PLY, PNG, STL, XYZ};
 use crate::http::wire::body::IncomingBody;
@@ -164,7 +165,7 @@ pub(crate) async fn by_gains(
         ));
     }
     request.forget_conditions();
-    let harmonics = request.harmonics_of(eigen, reservation).await?;
+    let harmonics = request.harmonics_of(eigen, reservation, 0).await?;
     let FilterByGains { outside: Outside { outside }, filtering } = &request.arguments;
     let transfer = Transfer::from_gains(lists.swap_remove(0).values, *outside, &harmonics.modes)?;
     answer(&request, filtering, harmonics, transfer, "gains as given".to_owned()).await
@@ -221,7 +222,7 @@ async fn answer<R: Resource>(
         coordinates: None,
         fields: None,
     };
-    let (offer, length) = (*offer, cloud.len());
+    let (offer, kind, length) = (*offer, request.kind(), cloud.len());
     let encode = move |wanted: &Wanted| {
         let columns = joined(&blocks, length);
         if target == Target::Coordinates {
@@ -229,7 +230,7 @@ async fn answer<R: Resource>(
             head.warnings.extend(collapse(&before, &columns));
         }
         match offer {
-            NPY => Ok(npy(&columns)),
+            NPY => Ok(npy_file(&columns.iter().map(|column| &column[..]).collect::<Vec<_>>(), kind)),
             JSON => json(head, &target, given.iter().map(|f| f.name.clone()).zip(columns), wanted),
             PNG => picture(&target.replaced(&cloud, &columns)?, &target, &view, &description),
             _ => {
@@ -251,15 +252,6 @@ fn joined(blocks: &[Vec<Vec<f64>>], rows: usize) -> Vec<Vec<f64>> {
         }
     }
     columns
-}
-
-fn npy(columns: &[Vec<f64>]) -> Vec<u8> {
-    let kind = ScalarType::Float64;
-    let rows = columns.first().map_or(0, Vec::len);
-    let encoded: Vec<_> = columns.iter().map(|values| Column { values, stride: 1, kind }).collect();
-    let mut bytes = npy_header(rows, columns.len(), kind);
-    bytes.extend(encode_rows(&encoded, rows));
-    bytes
 }
 
 fn json(

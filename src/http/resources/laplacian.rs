@@ -8,15 +8,14 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::arguments::arguments;
-use crate::cloud::ScalarType;
-use crate::cloud::writer::{Column, encode_rows, npy_header};
 use crate::harmonics::Function;
 use crate::harmonics::functions::{represent, representatives};
 use crate::http::results::functions::{self, NumberLists};
 use crate::http::results::matrix;
 use crate::http::results::offered::offered;
 use crate::http::results::request::{self, ResultRequest};
-use crate::http::wire::accept::{JSON, NPY, Offer};
+use crate::http::results::rows::npy_file;
+use crate::http::wire::accept::{JSON, NPY};
 use crate::http::wire::body::IncomingBody;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::{BodyProblems, ResultProblems};
@@ -78,7 +77,7 @@ pub(crate) async fn laplacian(
     // rows without mass of their own repeat an earlier one
     let cloud = if mass.contains(&0.0) { Some(store.load_cloud(job.cloud_id).await?) } else { None };
     request.forget_conditions();
-    let offer = request.offer;
+    let (offer, kind) = (request.offer, request.kind());
     let plan = request.plan(job.id.simple().to_string(), format!("laplacian-{}", job.id));
     let computed = request.service.compute.run(move || {
         functions::check_finite(&given, &mass)?;
@@ -91,27 +90,23 @@ pub(crate) async fn laplacian(
             values
         };
         let found: Vec<Vec<f64>> = given.iter().map(apply).collect();
-        encode(offer, &job, &given, &found)
+        if offer == NPY {
+            let columns: Vec<&[f64]> = found.iter().map(|values| &values[..]).collect();
+            return Ok(npy_file(&columns, kind));
+        }
+        json(&job, &given, &found)
     });
     let bytes = computed.await??;
     plan.send(reservation, bytes)
 }
 
-fn encode(offer: Offer, job: &JobRecord, given: &[Function], found: &[Vec<f64>]) -> Result<Vec<u8>, Problem> {
-    let points = found.first().map_or(0, Vec::len);
-    if offer == NPY {
-        let kind = ScalarType::Float64;
-        let columns: Vec<_> = found.iter().map(|values| Column { values, stride: 1, kind }).collect();
-        let mut bytes = npy_header(points, found.len(), kind);
-        bytes.extend(encode_rows(&columns, points));
-        return Ok(bytes);
-    }
+fn json(job: &JobRecord, given: &[Function], found: &[Vec<f64>]) -> Result<Vec<u8>, Problem> {
     let finite = |values: &Vec<f64>| values.iter().map(|&x| Some(x).filter(|x| x.is_finite())).collect();
     let names = given.iter().map(|function| function.name.clone());
     let answer = Laplacians {
         job_id: job.id,
         cloud_id: job.cloud_id,
-        points,
+        points: found.first().map_or(0, Vec::len),
         fields: names.zip(found.iter().map(finite)).collect(),
         warnings: job.report.as_ref().map(|report| report.warnings.clone()).unwrap_or_default(),
     };

@@ -10,10 +10,10 @@ use utoipa::ToSchema;
 
 use crate::arguments::groups;
 use crate::cloud::writer::{PlyEncoding, encode_rows, ply_columns, ply_properties};
-use crate::cloud::{PointCloud, ScalarType};
+use crate::cloud::PointCloud;
 use crate::http::notation::parse_id;
 use crate::http::results::cloud_file::{self, Ply, Rows, Unplaced};
-use crate::http::results::offered::{Offered, Resource, offered};
+use crate::http::results::offered::{ArrayType, Offered, Resource, Typed, offered};
 use crate::http::results::request;
 use crate::http::results::rows::{npy_layout, ply_layout};
 use crate::http::results::view;
@@ -77,13 +77,13 @@ pub(crate) async fn points(
     State(service): State<Shared>,
     Path(id): Path<String>,
     method: Method,
-    FromQuery(Offered { arguments, format }): FromQuery<Offered<ReadPoints>>,
+    FromQuery(Offered { typed, format }): FromQuery<Offered<ReadPoints>>,
     headers: HeaderMap,
     extensions: Extensions,
 ) -> Result<Response, Problem> {
     let offer = accept::choose(format, &headers, ReadPoints::OFFERS)?;
     let id = parse_id(&id)?;
-    let ReadPoints { ply: Ply { encoding }, rows, view } = arguments;
+    let Typed { arguments: ReadPoints { ply: Ply { encoding }, rows, view }, array } = typed;
     let omits = rows.nonfinite == Unplaced::Omit;
     let is_streamed = offer == NPY || (offer == PLY && encoding == PlyEncoding::Binary);
     let tag = if is_streamed {
@@ -91,6 +91,7 @@ pub(crate) async fn points(
     } else {
         request::tag(id, &(encoding, omits, view::key(&view)))
     };
+    let tag = array.tagged(tag, offer);
     let plan = Plan { method: &method, headers: &headers, offer, tag, stem: format!("cloud-{id}") };
     let stored = service.store.cloud(id).await?;
     if let Some(answer) = if is_streamed { plan.unchanged() } else { plan.without_work() } {
@@ -116,7 +117,7 @@ pub(crate) async fn points(
         return plan.send(reservation, service.compute.run_while_wanted(encode).await??);
     }
     let layout = if offer == NPY {
-        npy_layout(cloud.len(), cloud.dimension(), ScalarType::Float64)
+        npy_layout(cloud.len(), cloud.dimension(), array.kind(offer))
     } else {
         let shown = Arc::clone(&cloud);
         service.compute.run(move || ply_layout(&shown, ply_properties(&shown))).await?
@@ -125,7 +126,7 @@ pub(crate) async fn points(
     plan.answer(Some(layout.length()), reservation, move |span| {
         layout.stream(span, move |chunk| {
             let (compute, cloud) = (compute.clone(), Arc::clone(&cloud));
-            async move { Ok(compute.run(move || encode(&cloud, offer, chunk)).await?) }
+            async move { Ok(compute.run(move || encode(&cloud, offer, array, chunk)).await?) }
         })
     })
 }
@@ -137,7 +138,7 @@ fn json(cloud: &PointCloud, wanted: &Wanted) -> Result<Vec<u8>, Problem> {
 }
 
 /// The bytes of a chunk of rows, with all fields in PLY.
-fn encode(cloud: &PointCloud, offer: Offer, chunk: usize) -> Vec<u8> {
+fn encode(cloud: &PointCloud, offer: Offer, array: ArrayType, chunk: usize) -> Vec<u8> {
     let first = chunk * CHUNK_POINTS;
     let rows = CHUNK_POINTS.min(cloud.len() - first);
     if offer == PLY {
@@ -146,7 +147,7 @@ fn encode(cloud: &PointCloud, offer: Offer, chunk: usize) -> Vec<u8> {
     let mut columns = ply_columns(cloud, first);
     columns.truncate(cloud.dimension());
     for column in &mut columns {
-        column.kind = ScalarType::Float64;
+        column.kind = array.kind(offer);
     }
     encode_rows(&columns, rows)
 }

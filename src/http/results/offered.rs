@@ -1,8 +1,44 @@
 //! What has several formats: the formats on offer, and the argument that chooses among them.
 
-use crate::arguments::{Absent, Accepts, Argument, Arguments, Value};
-use crate::http::wire::accept::Offer;
+use crate::arguments::{Absent, Accepts, Argument, Arguments, Value, arguments, words};
+use crate::cloud::ScalarType;
+use crate::http::wire::accept::{NPY, Offer, PLY};
 use crate::picture::View;
+
+words! {
+    /// Type of numbers in files.
+    pub(crate) enum Precision {
+        /// Eight bytes.
+        F64,
+        /// Four bytes.
+        F32,
+    }
+}
+
+arguments! {
+    /// Of resources that are offered as arrays.
+    #[derive(Debug, Clone, Copy)]
+    pub(crate) struct ArrayType {
+        /// Type of the numbers in npy, and of results beside the points in npz and ply.
+        dtype: Option<Precision> = word(Precision), absent "f64 for npy and npz, f32 for ply";
+    }
+}
+
+impl ArrayType {
+    /// The type of the numbers of an answer in this format.
+    pub(crate) fn kind(self, offer: Offer) -> ScalarType {
+        match (self.dtype, offer) {
+            (Some(Precision::F32), _) | (None, PLY) => ScalarType::Float32,
+            _ => ScalarType::Float64,
+        }
+    }
+
+    /// The tag of an answer in this format: numbers of another type than usual are other bytes.
+    pub(crate) fn tagged(self, tag: String, offer: Offer) -> String {
+        let kind = self.kind(offer);
+        if kind == Self::default().kind(offer) { tag } else { format!("{tag}-{}", kind.ply_name()) }
+    }
+}
 
 /// A request for a resource in several formats: its arguments, and the format.
 pub(crate) trait Resource: Arguments + Send + Sync + 'static {
@@ -35,11 +71,37 @@ macro_rules! offered {
 }
 pub(crate) use offered;
 
-/// The arguments of a resource, and `?format=`.
+/// The arguments of a resource, and the type of numbers where it is offered as an array.
 #[derive(Debug, Default)]
-pub(crate) struct Offered<R> {
+pub(crate) struct Typed<R> {
     /// Those of the resource.
     pub arguments: R,
+    /// Of its numbers.
+    pub array: ArrayType,
+}
+
+impl<R: Resource> Arguments for Typed<R> {
+    fn table() -> Vec<Argument> {
+        let mut table = R::table();
+        if R::OFFERS.contains(&NPY) {
+            table.extend(ArrayType::table());
+        }
+        table
+    }
+
+    fn set(&mut self, name: &str, value: &Value) -> bool {
+        if ArrayType::table().iter().any(|argument| argument.name == name) {
+            return self.array.set(name, value);
+        }
+        self.arguments.set(name, value)
+    }
+}
+
+/// The same, and `?format=`.
+#[derive(Debug, Default)]
+pub(crate) struct Offered<R> {
+    /// All but the format.
+    pub typed: Typed<R>,
     /// The format that is named.
     pub format: Option<Offer>,
 }
@@ -60,7 +122,7 @@ impl<R: Resource> Offered<R> {
 
 impl<R: Resource> Arguments for Offered<R> {
     fn table() -> Vec<Argument> {
-        let mut table = R::table();
+        let mut table = Typed::<R>::table();
         if R::OFFERS.len() > 1 {
             table.push(Self::format());
         }
@@ -69,7 +131,7 @@ impl<R: Resource> Arguments for Offered<R> {
 
     fn set(&mut self, name: &str, value: &Value) -> bool {
         if name != "format" {
-            return self.arguments.set(name, value);
+            return self.typed.set(name, value);
         }
         self.format = R::OFFERS.iter().find(|offer| value.text() == Some(offer.name)).copied();
         self.format.is_some()

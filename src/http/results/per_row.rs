@@ -11,14 +11,11 @@ use super::rows::{axes, npy_layout, ply_layout};
 use crate::cloud::writer::{Column, encode_rows, npy_vector_header, ply_columns, ply_properties};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::harmonics::Block;
-use crate::http::wire::accept::{JSON, NPY, PLY};
+use crate::http::wire::accept::{JSON, PLY};
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::Problem;
 use crate::jobs::StoredBases;
 use crate::store::JobRecord;
-
-/// Bytes of a number in blocks, in columns, and as a value of JSON.
-const VALUE_BYTES: u64 = 8 + 8 + 32;
 
 /// Makes the columns of a block of rows.
 type Work = dyn Fn(&Block<Vec<f64>>) -> Vec<Vec<f64>> + Send + Sync;
@@ -53,7 +50,6 @@ impl PerRow {
         request: &ResultRequest<R>,
         job: &JobRecord,
     ) -> Result<Response, Problem> {
-        request.refuse_large_json((self.bases.rows() * self.names.len()) as u64)?;
         let plan = request.plan(self.tag.clone(), format!("{}-{}", self.stem, job.id));
         if let Some(answer) = plan.unchanged() {
             return Ok(answer);
@@ -63,8 +59,6 @@ impl PerRow {
             if let Some(answer) = plan.without_work() {
                 return Ok(answer);
             }
-            let numbers = (self.bases.rows() * self.names.len()) as u64;
-            self.reservation.add(numbers * (VALUE_BYTES + request.number_bytes())).await?;
             let blocks = {
                 let work = Arc::clone(&self.work);
                 self.bases.map(move |block| work(block)).await?
@@ -76,7 +70,7 @@ impl PerRow {
             PLY => Some(Arc::new(request.service.store.load_cloud(job.cloud_id).await?)),
             _ => None,
         };
-        let kind = if request.offer == NPY { ScalarType::Float64 } else { ScalarType::Float32 };
+        let kind = request.kind();
         let layout = match &cloud {
             None if self.is_single => {
                 let mut layout = npy_layout(self.bases.rows(), 1, kind);

@@ -9,10 +9,11 @@ use utoipa::IntoParams;
 use utoipa::openapi::path::{Parameter, ParameterIn};
 use uuid::Uuid;
 
-use super::offered::{Offered, Resource};
+use super::offered::{ArrayType, Offered, Resource, Typed};
 use super::view;
 use crate::analysis::JobKind;
 use crate::arguments::groups;
+use crate::cloud::ScalarType;
 use crate::harmonics::Modes;
 use crate::http::service::Shared;
 use crate::http::wait::{self, Wait};
@@ -30,6 +31,8 @@ use crate::store::{JobRecord, Owner};
 pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
 /// Bytes of a number as JSON text, comma included: 17 digits, sign, point, and often an exponent.
 const JSON_NUMBER_BYTES: u64 = 22;
+/// Bytes of a number in blocks, in columns, and as a value of JSON.
+const VALUE_BYTES: u64 = 8 + 8 + 32;
 
 groups! {
     /// The query of a request for a result.
@@ -47,7 +50,7 @@ groups! {
     #[derive(Debug)]
     struct FileQuery<R> where R: Resource {
         /// Arguments.
-        arguments: R,
+        typed: Typed<R>,
         /// Waiting for the job's end.
         wait: Wait,
     }
@@ -63,6 +66,7 @@ pub(crate) struct ResultRequest<R> {
     pub offer: Offer,
     /// The arguments.
     pub arguments: R,
+    array: ArrayType,
     /// How long to wait for the job's end.
     pub wait: Duration,
     /// GET, HEAD or POST.
@@ -80,7 +84,7 @@ impl<R: Resource> FromRequestParts<Shared> for ResultRequest<R> {
         let FromQuery(Query { offered, wait }) =
             FromQuery::<Query<R>>::from_request_parts(parts, service).await?;
         let offer = accept::choose(offered.format, &parts.headers, R::OFFERS)?;
-        Self::new(parts, service, offered.arguments, offer, wait).await
+        Self::new(parts, service, offered.typed, offer, wait).await
     }
 }
 
@@ -94,7 +98,7 @@ impl<R: Resource> ResultRequest<R> {
     async fn new(
         parts: &mut Parts,
         service: &Shared,
-        arguments: R,
+        Typed { arguments, array }: Typed<R>,
         offer: Offer,
         wait: Wait,
     ) -> Result<Self, Problem> {
@@ -103,7 +107,7 @@ impl<R: Resource> ResultRequest<R> {
         let id = ids.into_iter().find(|(name, _)| name == "id").map(|(_, id)| id).unwrap_or_default();
         let (method, headers) = (parts.method.clone(), parts.headers.clone());
         let (service, owner) = (service.clone(), owners::owner(&parts.extensions));
-        Ok(Self { service, id, offer, arguments, wait: wait.time(), method, headers, owner })
+        Ok(Self { service, id, offer, arguments, array, wait: wait.time(), method, headers, owner })
     }
 
     /// The request for a file whose ending names the format: `?format=` and `Accept` have no say.
@@ -111,14 +115,20 @@ impl<R: Resource> ResultRequest<R> {
     /// # Errors
     /// A problem with the query.
     pub(crate) async fn of_file(parts: &mut Parts, service: &Shared, offer: Offer) -> Result<Self, Problem> {
-        let FromQuery(FileQuery { arguments, wait }) =
+        let FromQuery(FileQuery { typed, wait }) =
             FromQuery::<FileQuery<R>>::from_request_parts(parts, service).await?;
-        Self::new(parts, service, arguments, offer, wait).await
+        Self::new(parts, service, typed, offer, wait).await
     }
 
     /// The answer to come, named by what determines it.
     pub(crate) fn plan(&self, tag: String, stem: String) -> Plan<'_> {
+        let tag = self.array.tagged(tag, self.offer);
         Plan { method: &self.method, headers: &self.headers, offer: self.offer, tag, stem }
+    }
+
+    /// Type of the numbers of the answer.
+    pub(crate) fn kind(&self) -> ScalarType {
+        self.array.kind(self.offer)
     }
 
     /// The job, once it has succeeded.
@@ -151,19 +161,30 @@ impl<R: Resource> ResultRequest<R> {
     /// As [`Self::eigen`], and when there is no memory for the answer.
     pub(crate) async fn harmonics(&self) -> Result<Harmonics, Problem> {
         let eigen = self.eigen().await?;
-        self.harmonics_of(eigen, self.service.memory.begin(self.owner.clone())).await
+        self.harmonics_of(eigen, self.service.memory.begin(self.owner.clone()), 0).await
+    }
+
+    /// The same for an answer of `columns` numbers per row of the upload.
+    ///
+    /// # Errors
+    /// As [`Self::harmonics`].
+    pub(crate) async fn harmonics_per_row(&self, columns: usize) -> Result<Harmonics, Problem> {
+        let eigen = self.eigen().await?;
+        self.harmonics_of(eigen, self.service.memory.begin(self.owner.clone()), columns).await
     }
 
     /// The same beside what a request has reserved for its body already: nothing is reserved for the answer before the body
-    /// is there.
+    /// is there, and then all of it at once, since who holds memory and waits for more keeps others waiting.
     ///
     /// # Errors
-    /// A problem: there is no memory for the answer.
+    /// A problem: there is no memory for the answer, or it would be too much text.
     pub(crate) async fn harmonics_of(
         &self,
         (job, spectrum): (JobRecord, Spectrum),
         mut reservation: Reservation,
+        columns: usize,
     ) -> Result<Harmonics, Problem> {
+        self.refuse_large_json(job.points * columns as u64)?;
         let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
         let bases = StoredBases::new(store, compute, &job, spectrum.eigenvalues.len());
         let cloud = self.service.store.cloud(job.cloud_id).await?.bytes();
@@ -173,7 +194,10 @@ impl<R: Resource> ResultRequest<R> {
             PNG => 3 * cloud + view::bytes(&self.arguments.view(), job.points),
             _ => 3 * cloud,
         };
-        reservation.add(bases.bytes_at_work() + answer).await?;
+        // Of binary files, blocks are sent as they are made; JSON is put together from all of them.
+        let numbers = if self.offer == JSON { job.points * columns as u64 } else { 0 };
+        let listed = numbers * (VALUE_BYTES + self.number_bytes());
+        reservation.add(bases.bytes_at_work() + answer + listed).await?;
         Ok(Harmonics { modes: Modes::of(&spectrum), job, bases, reservation })
     }
 

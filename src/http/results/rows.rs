@@ -9,7 +9,7 @@ use axum::body::{Body, Bytes};
 use flate2::Crc;
 use futures_util::stream::{self, Stream, StreamExt};
 
-use crate::cloud::writer::{PlyEncoding, PlyHeader, encode_faces, npy_header};
+use crate::cloud::writer::{Column, PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::http::wire::problem::Problem;
 use crate::store::CHUNK_POINTS;
@@ -168,6 +168,16 @@ pub(crate) fn npy_layout(rows: usize, columns: usize, kind: ScalarType) -> RowLa
         chunk_rows: CHUNK_POINTS,
         tail: Vec::new(),
     }
+}
+
+/// A whole NumPy array with these columns of the same length.
+#[must_use]
+pub(crate) fn npy_file(columns: &[&[f64]], kind: ScalarType) -> Vec<u8> {
+    let rows = columns.first().map_or(0, |column| column.len());
+    let encoded: Vec<_> = columns.iter().map(|values| Column { values, stride: 1, kind }).collect();
+    let mut bytes = npy_header(rows, columns.len(), kind);
+    bytes.extend(encode_rows(&encoded, rows));
+    bytes
 }
 
 /// A binary PLY with these properties of every point, and the cloud's faces.
