@@ -9,8 +9,9 @@ use crate::harmonics::filtered::Target;
 use crate::harmonics::{Block, Function, Transformed, transform};
 use crate::store::StoredCoefficients;
 
-/// Bases that are in memory beside the result.
+/// Bases that are in memory beside the result: at most so many, and so many bytes of more than one.
 const BATCH: usize = 16;
+const BATCH_BYTES: usize = 128 << 20;
 
 /// Coefficients of the coordinates and of every field without numbers that are not finite; in blocks of as many rows as the
 /// bases are stored in, and so with the same bits as those that are computed from stored bases.
@@ -26,8 +27,9 @@ pub(super) fn own_coefficients(
         targets.filter_map(|target| target.functions(cloud, &mass).ok()).flatten().collect();
     let values: Vec<&[f64]> = functions.iter().map(|function| function.values.as_slice()).collect();
     let mut all: Vec<Transformed> = Vec::new();
-    for first in (0..results.bases()).step_by(BATCH) {
-        let end = results.bases().min(first + BATCH);
+    let batch = (BATCH_BYTES / (size_of::<f64>() * cloud.len())).clamp(1, BATCH);
+    for first in (0..results.bases()).step_by(batch) {
+        let end = results.bases().min(first + batch);
         let bases: Vec<Vec<f64>> = (first..end).into_par_iter().map(|j| results.basis(j)).collect();
         let starts: Vec<usize> = (0..cloud.len()).step_by(chunk_points).collect();
         let partials: Vec<_> = starts

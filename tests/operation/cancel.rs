@@ -1,13 +1,21 @@
 //! A cancellation ends its job at once, in whatever phase it is, and the computation soon.
 //!
-//! 20,000 points by default; `CHLADNI_CANCEL_POINTS=600000` is the measured run, which also holds the bound on time.
+//! 20,000 points by default; `CHLADNI_CANCEL_POINTS=600000` is the measured run, which also holds the bound on time. The same
+//! of jobs and moments at random: 12 by default, `CHLADNI_CANCEL_ROUNDS=100` is the measured run, `CHLADNI_CANCEL_SEED` repeats
+//! one.
 
 use std::time::{Duration, Instant};
 
+use chladni::cloud::reader::Format;
+use chladni::cloud::writer::write;
+use chladni::cloud::{NonFinite, PointCloud};
 use chladni::progress::Phase;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
+use uuid::Uuid;
 
-use crate::process::{Process, sphere};
+use crate::process::{Process, number, sphere};
 
 /// Between two looks at the job or the metrics.
 const PACE: Duration = Duration::from_millis(20);
@@ -114,5 +122,69 @@ async fn a_canceled_job_ends_at_once_in_every_phase_and_lets_go_of_what_it_took(
         assert!(*longest < Duration::from_secs(1), "{longest:?}");
         assert!(*last < Duration::from_secs(1), "{last:?}");
         assert!(after < before + (peak - before) / 4, "{after} of {peak}");
+    }
+}
+
+/// A cloud of points at random in a cube of this dimension, as a file.
+fn cube(random: &mut ChaCha8Rng, dimension: usize, points: usize) -> Vec<u8> {
+    let coordinates = (0..dimension * points).map(|_| random.random()).collect();
+    let mut bytes = Vec::new();
+    write(&PointCloud::new(dimension, coordinates, NonFinite::Reject).unwrap(), Format::Npy, &mut bytes)
+        .unwrap();
+    bytes
+}
+
+/// Analyses that spend their time in loops of different kinds: dimension of the points, their number, and arguments.
+const ANALYSES: [(usize, usize, &str); 9] = [
+    (3, 60_000, "operator=voronoi&bases=300"),
+    (3, 40_000, "operator=pb-mhb&bases=100"),
+    (3, 20_000, "operator=pb-mhb&bases=800"),
+    (3, 8_000, "operator=pcd&bases=30"),
+    (3, 30_000, "operator=graph&bases=60"),
+    (3, 60_000, "operator=pb-mhb&kind=operator"),
+    (3, 6_000, "operator=voronoi&dimension=3&bases=40&paper=true"),
+    (8, 3_000, "operator=pb-mhb&dimension=3&bases=20&paper=true"),
+    (3, 3_000, "operator=voronoi&bases=600"),
+];
+
+/// How long after its start a job is canceled, at most.
+const MOMENT_MAX: Duration = Duration::from_secs(4);
+
+#[tokio::test(flavor = "multi_thread")]
+async fn jobs_canceled_at_any_moment_leave_their_worker_free() {
+    let rounds = number("CHLADNI_CANCEL_ROUNDS", 12);
+    let seed = number("CHLADNI_CANCEL_SEED", Uuid::now_v7().as_u64_pair().1);
+    println!("{rounds} rounds from CHLADNI_CANCEL_SEED={seed}");
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let directory = tempfile::tempdir().unwrap();
+    let process = Process::start(&directory.path().join("random.db"));
+    let (mut longest, mut canceled) = ((Duration::ZERO, String::new()), 0);
+    for round in 0..rounds {
+        let (dimension, points, query) = ANALYSES[round as usize % ANALYSES.len()];
+        let is_surface = !query.contains("dimension=3");
+        let cloud =
+            if is_surface && random.random() { sphere(points) } else { cube(&mut random, dimension, points) };
+        let query = format!("{query}&coordinates={dimension}");
+        let Ok(job) = process.submit(&query, cloud).await else { panic!("{query} was refused") };
+        while process.json(&format!("/jobs/{job}")).await["state"] == "queued" {
+            tokio::time::sleep(PACE).await;
+        }
+        tokio::time::sleep(MOMENT_MAX.mul_f64(random.random::<f64>().powi(2))).await;
+        let asked = Instant::now();
+        process.client.post(format!("{}/jobs/{job}/cancel", process.address)).send().await.unwrap();
+        let ended = process.ended(&job).await;
+        while memory_taken(&process).await > 0.0 {
+            tokio::time::sleep(PACE).await;
+        }
+        let free = asked.elapsed();
+        canceled += u64::from(ended["state"] == "canceled");
+        if ended["state"] == "canceled" && free > longest.0 {
+            longest = (free, format!("{query} in {}", ended["phase"]));
+        }
+    }
+    println!("{canceled} canceled; the worker was free after {:?} at most ({})", longest.0, longest.1);
+    assert!(canceled > rounds / 3, "hardly anything was canceled");
+    if std::env::var("CHLADNI_CANCEL_ROUNDS").is_ok() {
+        assert!(longest.0 < Duration::from_secs(1), "{longest:?}");
     }
 }
