@@ -29,6 +29,16 @@ const ENTRY_BYTES: u64 = 40;
 const STORED_BYTES: u64 = 16;
 /// Bytes of any job: stacks and arenas of its threads, the cloud on its way from the database.
 const JOB_BYTES: u64 = 20_000_000;
+/// How many times fewer points a thinned sample has at least, thinned out once, twice and three times.
+const THINNED: [u64; 3] = [7, 49, 343];
+/// Fewest points of a sample per basis.
+const SAMPLE_POINTS_PER_BASIS: u64 = 20;
+/// Bytes per point while a sample is solved: points and cloud, masses, and a narrow matrix with the weights of the sample.
+const HELD_BYTES: u64 = 420;
+/// The same of a kernel's rows.
+const HELD_KERNEL_BYTES: u64 = 340;
+/// Bytes per point, beside a number in single precision for every basis, while the sample's bases are brought to all points.
+const PROLONGED_BYTES: u64 = 480;
 /// Three square matrices of doubles.
 const DENSE_BYTES: u64 = 3 * 8;
 
@@ -45,6 +55,63 @@ pub fn memory_estimate(
     kind: JobKind,
     parameters: &Parameters,
 ) -> u64 {
+    match parameters.sample_of(points, dimension, kind) {
+        Some(sample) => {
+            let solving = estimate(sample, dimension, 0, kind, &Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() });
+            let geometry = points.saturating_mul(GEOMETRY_BYTES + 16 * dimension as u64);
+            let beside = points.saturating_mul(held_while_thinned(parameters));
+            let prolonged = points.saturating_mul(PROLONGED_BYTES + 4 * parameters.bases as u64).saturating_add(beside);
+            let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
+            most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
+        }
+        None => estimate(points, dimension, faces, kind, parameters),
+    }
+}
+
+/// Bytes per point of the points and the matrices of an operator that is not factored.
+fn held_while_thinned(parameters: &Parameters) -> u64 {
+    match parameters.operator {
+        OperatorKind::Voronoi | OperatorKind::Cotangent => HELD_BYTES,
+        _ => HELD_BYTES + HELD_KERNEL_BYTES,
+    }
+}
+
+impl Parameters {
+    /// Points of the thinned sample of so many points that is solved; none where all of them are.
+    fn sample_of(&self, points: u64, dimension: usize, kind: JobKind) -> Option<u64> {
+        let most = self.solved_points.map(|most| most as u64).filter(|&most| most < points)?;
+        let thins_out = kind == JobKind::Eigen && self.thins_out(dimension);
+        // what is thinned out becomes several times fewer at once
+        let thinned = |&sample: &u64| sample <= most;
+        thins_out.then(|| THINNED.iter().map(|by| points / by).find(thinned).unwrap_or(most))
+    }
+
+    /// Whether the operator is one of surfaces in space, which can be thinned out.
+    fn thins_out(&self, dimension: usize) -> bool {
+        use OperatorKind::{Cotangent, Mesh, PbMhb, Voronoi};
+        let of_surface = matches!(self.operator, PbMhb | Voronoi | Cotangent | Mesh);
+        !self.exact && of_surface && self.dimension == 2 && dimension == 3
+    }
+
+    /// The parameters that fit into `budget` bytes: where solving on all points takes more and was not asked for, solving on
+    /// the largest sample of them that leaves room; these same where nothing fits.
+    #[must_use]
+    pub fn fitted(&self, points: u64, dimension: usize, faces: u64, kind: JobKind, budget: u64) -> Self {
+        let estimate = |parameters: &Self| memory_estimate(points, dimension, faces, kind, parameters);
+        if kind != JobKind::Eigen
+            || self.solved_points.is_some()
+            || !self.thins_out(dimension)
+            || estimate(self) <= budget
+        {
+            return self.clone();
+        }
+        let sizes = THINNED.iter().map(|by| points / by).filter(|&sample| sample >= SAMPLE_POINTS_PER_BASIS * self.bases as u64);
+        let thinned = sizes.map(|sample| Self { solved_points: Some(sample as usize), ..self.clone() });
+        thinned.into_iter().find(|thinned| estimate(thinned) <= budget).unwrap_or_else(|| self.clone())
+    }
+}
+
+fn estimate(points: u64, dimension: usize, faces: u64, kind: JobKind, parameters: &Parameters) -> u64 {
     let bases = parameters.bases;
     let sliced = bases > SLICE;
     let unfactored = points > FACTORED_POINTS[usize::from(sliced)];
@@ -115,7 +182,11 @@ pub(super) fn memory_beside_factor(
 }
 
 fn with_matrix(points: u64, dimension: usize, matrix: u64, parameters: &Parameters) -> u64 {
-    let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + 8 * vectors(points, parameters) as u64;
+    let vectors = match parameters.sample_of(points, dimension, JobKind::Eigen) {
+        Some(_) => 4 * parameters.bases as u64,
+        None => 8 * vectors(points, parameters) as u64,
+    };
+    let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + vectors;
     points.saturating_mul(per_point).saturating_add(matrix).saturating_add(JOB_BYTES)
 }
 

@@ -21,6 +21,9 @@ words! {
     }
 }
 
+/// Fewest points that a thinned sample may be asked to have.
+const SOLVED_LEAST: usize = 1_000;
+
 /// Most bases that any configuration may allow.
 const BASES_CEILING: usize = 10_000;
 
@@ -66,6 +69,12 @@ arguments! {
         /// Largest relative residual of an eigenpair.
         #[alias = "tol"]
         tolerance: f64 = range(1e-12, 1e-1), default 1e-4;
+        /// Solve the eigenproblem on every point, whatever memory that takes; otherwise more points than the memory budget
+        /// allows are thinned out, solved, and the bases brought back to all points.
+        exact: bool = switch, default false;
+        /// Most points that the eigenproblem is solved on: of a surface in space that has more, an evenly spread part is solved,
+        /// and the bases are brought from there to all points.
+        solved_points: Option<usize> = integer(SOLVED_LEAST, u32::MAX as usize), absent "as many as memory allows";
         /// Time of the heat kernel, in squared units of the cloud.
         t: Option<f64> = positive, absent "from t_factor";
         /// The same as a multiple of ε².
@@ -110,6 +119,9 @@ impl Parameters {
             return refuse("dimension", "must be 2 for an operator on the triangles of a mesh");
         }
         self.check_pcd()?;
+        if self.exact && self.solved_points.is_some() {
+            return refuse("solved_points", "cannot be combined with `exact`");
+        }
         for (name, value) in [("t_factor", self.t_factor), ("delta_factor", self.delta_factor)] {
             if value.is_some_and(|x| x > FACTOR_MAX) {
                 return refuse(name, "must be at most 1,000,000");
@@ -132,6 +144,7 @@ impl Parameters {
             ("dimension", whole(self.dimension)),
             ("bases", whole(self.bases)),
             ("tolerance", number(Some(self.tolerance))),
+            ("solved_points", self.solved_points.and_then(whole)),
             ("t", number(self.t)),
             ("t_factor", number(self.t_factor)),
             ("delta", number(self.delta)),

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Additions, COMPONENT_MIN, Fidelity, Parameters};
 use crate::geometry::Sampling;
 use crate::operator::{HeatKernel, OperatorKind};
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Method, Spectrum};
 
 /// What an analysis found out, without its arrays. Serialized as it is shown.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,6 +58,9 @@ pub struct Report {
 const INVALID_SHARE_WARNED: f64 = 0.05;
 const SATURATION_WARNED: f64 = 0.5;
 const DENSITY_RATIO_WARNED: f64 = 50.0;
+
+/// Residual of prolonged bases, in the dual norm, from which on the caller is warned.
+const PROLONGED_WARNED: f64 = 0.01;
 
 /// Rows that a warning names at most.
 const ROWS_NAMED: usize = 10;
@@ -114,6 +117,15 @@ impl Report {
                 spectrum.imaginary_parts.iter().flatten().filter(|b| **b != 0.0).count(),
                 certificates.orthogonality
             ));
+        }
+        if spectrum.method == Method::Prolonged {
+            if let Some(dual) = certificates.dual_residual.filter(|&dual| dual > PROLONGED_WARNED) {
+                self.warnings.push(format!(
+                    "the bases of a sample of {} points leave residuals of {dual:.1e} in the dual norm on all points: \
+                     eigenvalues may be that share off; a larger `solved_points`, or `exact`, makes them better",
+                    spectrum.solved_points.unwrap_or(0)
+                ));
+            }
         }
         if certificates.missed.is_some_and(|missed| missed > 0) {
             self.warnings

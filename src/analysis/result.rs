@@ -1,6 +1,7 @@
 //! An analysis with its arrays, in rows of the upload.
 
 use std::io::{self, Write};
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -136,10 +137,17 @@ impl Analysis {
     #[must_use]
     pub fn basis(&self, j: usize) -> Vec<f64> {
         assert!(j < self.bases(), "basis {j} of {}", self.bases());
-        let basis = self.eigenbasis.as_ref().map_or(&[][..], |eigenbasis| eigenbasis.basis(j));
-        (0..self.points.rows())
-            .map(|row| self.place_of_row(row).map_or(f64::NAN, |place| basis[place]))
-            .collect()
+        self.basis_in(j, 0..self.points.rows())
+    }
+
+    /// The same of some rows.
+    ///
+    /// # Panics
+    /// When `j` is not below [`Self::bases`], or there are not so many rows.
+    #[must_use]
+    pub fn basis_in(&self, j: usize, rows: Range<usize>) -> Vec<f64> {
+        let Some(eigenbasis) = &self.eigenbasis else { return Vec::new() };
+        rows.map(|row| self.place_of_row(row).map_or(f64::NAN, |place| eigenbasis.value(place, j))).collect()
     }
 
     /// Q = −S: for most operators symmetric with zero row sums and negative semi-definite. Empty rows for duplicates and

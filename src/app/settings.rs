@@ -264,7 +264,9 @@ impl Settings {
         }
     }
 
-    fn memory_budget(&self) -> u64 {
+    /// Bytes of memory that analyses may be estimated to take together: half of what the process may use where none are set.
+    #[must_use]
+    pub fn memory_budget(&self) -> u64 {
         if self.memory_budget > 0 { self.memory_budget } else { machine::memory() / 2 }
     }
 

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
+use chladni::app::{Settings, bytes};
 use chladni::cloud::reader::read_columns;
 
 use super::flags::{Flags, word};
@@ -45,6 +46,11 @@ pub(crate) struct AnalyzeArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
 
+    /// Bytes of memory that the analysis may be estimated to take, 0 for half of what there is; of larger clouds a part is
+    /// solved, and its bases are brought to all points
+    #[arg(long, value_name = "BYTES", value_parser = bytes, default_value_t = 0)]
+    memory: u64,
+
     #[command(flatten)]
     reporting: Reporting,
 
@@ -80,6 +86,9 @@ fn analyze_into(
         analysis::admit_lowered(&cloud, &mut parameters)
     };
     admitted.map_err(|error| of_analysis(&error))?;
+    let budget = Settings { memory_budget: args.memory, ..Settings::default() }.memory_budget();
+    let (points, faces) = (cloud.len() as u64, cloud.faces().len() as u64);
+    let parameters = parameters.fitted(points, cloud.dimension(), faces, kind, budget);
     let ran = run::with_progress(&cloud, kind, &parameters, args.threads, watch)?;
     let files = results::write(directory, &cloud, kind, functions.as_deref(), &ran)?;
     summary::print(&ran, &files, args.reporting);

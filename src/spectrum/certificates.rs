@@ -20,6 +20,8 @@ pub enum MissedCheck {
     Dense,
     /// The inertia of `S − sB` at a gap `s` above the last pair counts all eigenvalues below it.
     Inertia,
+    /// On the thinned sample that was solved, by its own check.
+    Thinned,
     /// A random block orthogonal to the found space was driven towards small eigenvalues.
     Probe,
     /// The check itself could not be made.
@@ -35,9 +37,14 @@ pub struct Certificates {
     pub orthogonality: f64,
     /// Largest relative residual.
     pub residual: f64,
+    /// Largest of the bounds ρ: every eigenvalue μ has one λ of the matrix pencil near it, `|λ − μ|/(λ + σ) ≤ ρ`. Absent
+    /// for operators without symmetry, and in reports of versions that did not tell it.
+    #[serde(default)]
+    pub dual_residual: Option<f64>,
     /// Zero eigenvalues returned.
     pub zero_modes: usize,
-    /// Eigenvalues below the last one that are not among those returned; absent when that could not be checked.
+    /// Eigenvalues below the last one that are not among those returned, of the thinned sample where that was solved;
+    /// absent when that could not be checked.
     pub missed: Option<usize>,
     /// How that was checked.
     pub missed_check: MissedCheck,

@@ -37,7 +37,7 @@ pub(super) fn is_dense_general(n: usize, count: usize) -> bool {
 /// [`SpectrumError::Dense`].
 pub fn solve(problem: &Problem, count: usize) -> Result<Eigenpairs, SpectrumError> {
     let (n, zero_modes) = (problem.size(), problem.zero_modes());
-    let mut nulls = Block::zeros(n, zero_modes);
+    let mut nulls = Block::<f64>::zeros(n, zero_modes);
     problem.write_null_vectors(&mut nulls, zero_modes);
     // lifting the null space above the rest leaves the other eigenpairs as they are
     let lift =

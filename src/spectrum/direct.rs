@@ -1,6 +1,7 @@
 //! Operators of which the factor fits: pairs by inverse iteration, counted or probed for what was missed.
 
 use super::certificates::MissedCheck;
+use super::dual::{ByFactor, Improve};
 use super::factor::{Cholesky, Symbolic};
 use super::probe::{Probe, Towards};
 use super::ritz::rayleigh_ritz;
@@ -88,7 +89,14 @@ pub(super) fn solve<P>(
     };
     pairs.values.truncate(wanted);
     let pairs = with_null_space(problem, Some(&pairs), request.count);
-    certified(problem, pairs, request, Method::ShiftInvert, missed, progress)
+    let definite = factor.take().filter(|factor| factor.negative_eigenvalues() == 0);
+    let definite = match definite {
+        Some(factor) => Some(factor),
+        None => symbolic.factor_roughly(&problem.matrix, shift, progress)?,
+    };
+    let mut inverse = definite.as_ref().map(|factor| ByFactor::new(factor, false));
+    let inverse = inverse.as_mut().map(|inverse| inverse as &mut dyn Improve);
+    certified(problem, pairs, request, Method::ShiftInvert, missed, inverse, progress)
 }
 
 /// The `count` smallest non-zero eigenpairs beside `beside` and the factor that they come from: in single precision where

@@ -32,9 +32,8 @@ pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     let mut pairs = Eigenpairs { values, imaginary, vectors };
     pairs.normalize();
     let checked = if dense { (Some(0), MissedCheck::Dense) } else { (None, MissedCheck::None) };
-    let mut solution = certified(problem, pairs, request, method, checked, progress)?;
-    solution.pairs.truncate(count);
-    solution.residuals.truncate(count);
+    let mut solution = certified(problem, pairs, request, method, checked, None, progress)?;
+    solution.truncate(count);
     Ok(solution)
 }
 

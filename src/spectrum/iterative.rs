@@ -2,6 +2,7 @@
 
 use super::certificates::{self, MissedCheck};
 use super::chebyshev::Chebyshev;
+use super::dual::ByFactor;
 use super::factor::Symbolic;
 use super::inverse::{Nearest, Shifted};
 use super::lobpcg;
@@ -57,7 +58,9 @@ pub(super) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
         with_missed(problem, &preconditioner, pairs, wanted, request.tolerance, progress)?;
     pairs.values.truncate(wanted);
     let pairs = with_null_space(problem, Some(&pairs), request.count);
-    certified(problem, pairs, request, method, (Some(missed), MissedCheck::Probe), progress)
+    let mut inverse = ByFactor::new(&factor, true);
+    let missed = (Some(missed), MissedCheck::Probe);
+    certified(problem, pairs, request, method, missed, Some(&mut inverse), progress)
 }
 
 /// Block Lanczos on the approximate inverse; what its error leaves of the residuals, LOBPCG takes away.

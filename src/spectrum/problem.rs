@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::vectors::block::Block;
+use super::vectors::scalar::Scalar;
 use crate::geometry::{Components, components};
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 
@@ -82,14 +83,19 @@ impl Problem {
     }
 
     /// Writes the null vectors of components `0 .. count` into the first columns of `block`.
-    pub fn write_null_vectors(&self, block: &mut Block, count: usize) {
+    pub fn write_null_vectors<T: Scalar>(&self, block: &mut Block<T>, count: usize) {
         block.for_each_row(|i, row| {
             let component = self.components.label[i] as usize;
-            row[..count].fill(0.0);
+            row[..count].fill(T::nearest(0.0));
             if component < count {
-                row[component] = self.null[i];
+                row[component] = T::nearest(self.null[i]);
             }
         });
+    }
+
+    /// The component of point `i`, and what its null vector is there.
+    pub(super) fn null_entry(&self, i: usize) -> (usize, f64) {
+        (self.components.label[i] as usize, self.null[i])
     }
 
     /// Removes the null space from every column.

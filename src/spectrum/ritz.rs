@@ -1,6 +1,6 @@
 //! The Rayleigh–Ritz step: the best eigenpairs in the span of some vectors.
 
-use faer::Mat;
+use faer::{Mat, MatRef};
 
 use super::orthogonal::{eigen, orthonormalize, pencil};
 use super::vectors::block::{Block, gram, replace_by_product};
@@ -40,14 +40,28 @@ pub(super) fn rayleigh_ritz_beside(
     vectors: &mut Block,
     progress: &Progress,
 ) -> Result<Vec<f64>, SpectrumError> {
-    let zeros = problem.zero_modes();
     let [gram, image] = gram_pair(&problem.matrix, vectors, progress)?;
-    let others = gram.nrows() - zeros;
-    let along = gram.as_ref().submatrix(0, zeros, zeros, others);
-    let gram = gram.as_ref().submatrix(zeros, zeros, others, others) - along.transpose() * along;
-    let (values, coefficients) =
-        pencil(image.as_ref().submatrix(zeros, zeros, others, others), gram.as_ref())?;
     progress.checkpoint()?;
+    let (values, change) = change_beside(problem.zero_modes(), gram.as_ref(), image.as_ref())?;
+    replace_by_product(vectors, change.as_ref());
+    progress.checkpoint()?;
+    Ok(values)
+}
+
+/// The Ritz values of vectors behind `zeros` null vectors, zeros first, and the matrix that makes Ritz vectors of them, from
+/// the products of the vectors with themselves and with their images.
+///
+/// # Errors
+/// [`SpectrumError::Dense`].
+pub(super) fn change_beside(
+    zeros: usize,
+    gram: MatRef<'_, f64>,
+    image: MatRef<'_, f64>,
+) -> Result<(Vec<f64>, Mat<f64>), SpectrumError> {
+    let others = gram.nrows() - zeros;
+    let along = gram.submatrix(0, zeros, zeros, others);
+    let gram = gram.submatrix(zeros, zeros, others, others) - along.transpose() * along;
+    let (values, coefficients) = pencil(image.submatrix(zeros, zeros, others, others), gram.as_ref())?;
     let taken = along * &coefficients;
     let change = Mat::from_fn(zeros + others, zeros + values.len(), |i, j| match (i < zeros, j < zeros) {
         (true, true) => f64::from(u8::from(i == j)),
@@ -55,7 +69,5 @@ pub(super) fn rayleigh_ritz_beside(
         (false, true) => 0.0,
         (false, false) => coefficients[(i - zeros, j - zeros)],
     });
-    replace_by_product(vectors, change.as_ref());
-    progress.checkpoint()?;
-    Ok(std::iter::repeat_n(0.0, zeros).chain(values).collect())
+    Ok((std::iter::repeat_n(0.0, zeros).chain(values).collect(), change))
 }

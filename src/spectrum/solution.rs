@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::certificates::{self, Certificates, Measured, MissedCheck};
+use super::dual::{self, Improve};
 use super::vectors::block::Block;
 use super::weyl::Weyl;
 use super::{Eigenpairs, Problem, SpectrumError};
@@ -26,6 +27,15 @@ pub struct Spectrum {
     pub imaginary_parts: Option<Vec<f64>>,
     /// `‖B^-½(S x − μ B x)‖₂ / (μ + σ)` of every returned pair.
     pub residuals: Vec<f64>,
+    /// A bound of ρ = `‖B^-½(S x − μ B x)‖_{(A+σ)⁻¹} / √(μ+σ)` of every returned pair, A = B^-½ S B^-½: some eigenvalue λ of the
+    /// matrix pencil has |λ − μ|/(λ+σ) ≤ ρ. Unlike `residuals` it does not grow with the number of points. Absent for operators without symmetry, and
+    /// in reports of versions that did not tell it.
+    #[serde(default)]
+    pub dual_residuals: Option<Vec<f64>>,
+    /// Number of points that the eigenproblem was solved on: all that are used, or those of a thinned sample (`method`
+    /// `prolonged`). Absent in reports of versions that did not tell it.
+    #[serde(default)]
+    pub solved_points: Option<usize>,
     /// Index ranges `[first, last]` of eigenvalues that are too close to tell their vectors apart.
     pub clusters: Vec<[usize; 2]>,
     /// Number of connected components, each with one zero eigenvalue.
@@ -48,6 +58,9 @@ pub enum Method {
     ShiftInvert,
     /// From thinned samples of the surface to all of its points, with corrections by the inverse on every level.
     CoarseToFine,
+    /// From a thinned sample of the surface, which alone was solved, along the surface to all points, with one correction
+    /// and one Rayleigh–Ritz step there.
+    Prolonged,
     /// Block Lanczos on the inverse of the shifted operator, made of a polynomial in the operator and the factor of the
     /// finite-volume operator.
     Polynomial,
@@ -71,20 +84,55 @@ pub struct Request<'a, P> {
     pub weyl: Option<Weyl>,
     /// `1/μ` at the upper end of the spectrum of operators with long rows: t of a heat kernel.
     pub plateau: Option<f64>,
+    /// Most points that are solved on: more are thinned out where they make up a surface in space.
+    pub solved_max: usize,
     /// Whether μ beyond a share of `1/plateau` says nothing about λ.
     pub saturates: bool,
 }
 
+/// Vectors as a solver holds them.
+#[derive(Debug)]
+pub enum Vectors {
+    /// Eigenvectors `y = B^½ h` of `A`.
+    Double(Block),
+    /// The functions `h` themselves, in single precision.
+    Single(Block<f32>),
+}
+
 /// Eigenpairs with their certificates.
 pub struct Solution {
-    /// The pairs.
-    pub pairs: Eigenpairs,
+    /// μ, or its real part.
+    pub values: Vec<f64>,
+    /// Imaginary parts of μ, as in [`Eigenpairs`].
+    pub imaginary: Vec<f64>,
+    /// One column each.
+    pub vectors: Vectors,
     /// Their residuals.
     pub residuals: Vec<f64>,
+    /// Bounds of their ρ; none for operators without symmetry.
+    pub dual_residuals: Option<Vec<f64>>,
+    /// Points that were solved on.
+    pub solved_points: usize,
     /// The checks.
     pub certificates: Certificates,
     /// How they were computed.
     pub method: Method,
+}
+
+impl Solution {
+    /// Keeps the first `count` pairs.
+    pub(super) fn truncate(&mut self, count: usize) {
+        self.values.truncate(count);
+        self.imaginary.truncate(count);
+        self.residuals.truncate(count);
+        if let Some(all) = &mut self.dual_residuals {
+            all.truncate(count);
+        }
+        match &mut self.vectors {
+            Vectors::Double(vectors) => vectors.set_columns(count),
+            Vectors::Single(vectors) => vectors.set_columns(count),
+        }
+    }
 }
 
 /// Null vectors first, then the pairs found beside them.
@@ -100,23 +148,31 @@ pub(super) fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, cou
     Eigenpairs::real(values, vectors)
 }
 
+/// Pairs with what is checked about them; `inverse` nearly solves with the shifted matrix.
 pub(super) fn certified<P>(
     problem: &Problem,
     pairs: Eigenpairs,
     request: &Request<'_, P>,
     method: Method,
-    (missed, missed_check): (Option<usize>, MissedCheck),
+    missed: (Option<usize>, MissedCheck),
+    inverse: Option<&mut dyn Improve>,
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
     let measured = certificates::measure(problem, &pairs, progress)?;
-    Ok(certified_by(problem, pairs, measured, request, method, (missed, missed_check)))
+    let dual = match problem.structure {
+        Structure::SemiDefinite => {
+            Some(dual::bounds(problem, &pairs.values, &pairs.vectors, inverse, progress)?)
+        }
+        _ => None,
+    };
+    Ok(certified_by(problem, pairs, (measured, dual), request, method, missed))
 }
 
-/// The same of pairs that were measured.
+/// The same of pairs that were measured, with the bounds of their ρ.
 pub(super) fn certified_by<P>(
     problem: &Problem,
     pairs: Eigenpairs,
-    measured: Measured,
+    (measured, dual_residuals): (Measured, Option<Vec<f64>>),
     request: &Request<'_, P>,
     method: Method,
     (missed, missed_check): (Option<usize>, MissedCheck),
@@ -124,16 +180,30 @@ pub(super) fn certified_by<P>(
     let certificates = Certificates {
         orthogonality: measured.orthogonality,
         residual: measured.residual(),
+        dual_residual: dual_residuals.as_ref().map(|all| all.iter().copied().fold(0.0, f64::max)),
         zero_modes: match problem.structure {
             Structure::SemiDefinite => problem.zero_modes().min(request.count),
             _ => pairs.values.iter().filter(|value| value.abs() <= request.tolerance * problem.shift).count(),
         },
         missed,
         missed_check,
-        saturation: request
-            .plateau
-            .filter(|_| request.saturates)
-            .map(|t| t * pairs.values.last().copied().unwrap_or(0.0)),
+        saturation: saturation(request, &pairs.values),
     };
-    Solution { pairs, residuals: measured.residuals, certificates, method }
+    let Eigenpairs { values, imaginary, vectors } = pairs;
+    Solution {
+        values,
+        imaginary,
+        vectors: Vectors::Double(vectors),
+        residuals: measured.residuals,
+        dual_residuals,
+        solved_points: problem.size(),
+        certificates,
+        method,
+    }
+}
+
+/// The share of a heat kernel's spectrum up to which these values reach; none of other operators.
+pub(super) fn saturation<P>(request: &Request<'_, P>, values: &[f64]) -> Option<f64> {
+    let plateau = request.plateau.filter(|_| request.saturates);
+    plateau.map(|t| t * values.last().copied().unwrap_or(0.0))
 }

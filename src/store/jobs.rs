@@ -182,6 +182,8 @@ impl Store {
         kind: JobKind,
         parameters: &Parameters,
     ) -> Result<(JobRecord, bool), StoreError> {
+        let budget = Engine::memory_budget(connection, &self.settings).await?;
+        let parameters = &parameters.fitted(cloud.points, cloud.dimension, cloud.faces, kind, budget);
         let memory = memory_estimate(cloud.points, cloud.dimension, cloud.faces, kind, parameters);
         let chunk_points = if connection.is_postgres() {
             toasted_basis_chunk_points(parameters.bases)
@@ -194,7 +196,6 @@ impl Store {
         if let Some(job) = same_job(connection, cloud.id, &kind, &parameters).await? {
             return Ok((job, false));
         }
-        let budget = Engine::memory_budget(connection, &self.settings).await?;
         if memory > budget {
             return Err(StoreError::OverBudget { need: memory, budget });
         }

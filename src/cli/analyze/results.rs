@@ -79,25 +79,31 @@ fn bases_npy(analysis: &Analysis, rows: usize, out: &mut impl Write) -> io::Resu
     (0..analysis.bases()).try_for_each(|j| out.write_all(&doubles(&analysis.basis(j))))
 }
 
-/// The cloud with a float property per basis, so that viewers can color by it. The rows are put together in
-/// memory, since bases come one by one and rows hold all of them.
+/// Rows that are put together at a time: bases come one by one, and rows hold all of them.
+const ROWS: usize = 1 << 16;
+
+/// The cloud with a float property per basis, so that viewers can color by it.
 fn bases_ply(analysis: &Analysis, cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
     let encoding = PlyEncoding::Binary;
     let kind = ScalarType::Float32;
     let header = (0..analysis.bases())
         .fold(PlyHeader::of(cloud, encoding), |header, j| header.with_property(format!("basis_{j}"), kind));
     let width = header.stride();
-    let mut rows = vec![0; cloud.len() * width];
-    let mut offset = 0;
-    for column in ply_columns(cloud, 0) {
-        encode_column(column, &mut rows, width, offset);
-        offset += column.kind.size();
-    }
-    for j in 0..analysis.bases() {
-        encode_column(Column { values: &analysis.basis(j), stride: 1, kind }, &mut rows, width, offset);
-        offset += kind.size();
-    }
     out.write_all(&header.to_bytes())?;
-    out.write_all(&rows)?;
+    for first in (0..cloud.len()).step_by(ROWS) {
+        let end = cloud.len().min(first + ROWS);
+        let mut rows = vec![0; (end - first) * width];
+        let mut offset = 0;
+        for column in ply_columns(cloud, first) {
+            encode_column(column, &mut rows, width, offset);
+            offset += column.kind.size();
+        }
+        for j in 0..analysis.bases() {
+            let values = &analysis.basis_in(j, first..end);
+            encode_column(Column { values, stride: 1, kind }, &mut rows, width, offset);
+            offset += kind.size();
+        }
+        out.write_all(&rows)?;
+    }
     out.write_all(&encode_faces(cloud.faces(), encoding))
 }

@@ -99,7 +99,16 @@ fn observed(begun: &Begun, quiet: bool) -> Progress {
 fn seconds(begun: &Begun) -> Vec<(Phase, f64)> {
     let begun = begun.lock().unwrap_or_else(PoisonError::into_inner);
     let ends = begun.iter().skip(1).map(|&(_, instant)| instant).chain([Instant::now()]);
-    begun.iter().zip(ends).map(|(&(phase, start), end)| (phase, (end - start).as_secs_f64())).collect()
+    let mut seconds: Vec<(Phase, f64)> = Vec::new();
+    for (&(phase, start), end) in begun.iter().zip(ends) {
+        // a phase may be entered again
+        let spent = (end - start).as_secs_f64();
+        match seconds.iter_mut().find(|(known, _)| *known == phase) {
+            Some((_, before)) => *before += spent,
+            None => seconds.push((phase, spent)),
+        }
+    }
+    seconds
 }
 
 /// The remaining time, once enough is done to estimate it.

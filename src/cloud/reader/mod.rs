@@ -56,7 +56,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Self {
         Self {
-            points_max: 5_000_000,
+            points_max: 50_000_000,
             fields_max: 64,
             dimension_max: super::DIMENSION_MAX,
             faces_max: 20_000_000,

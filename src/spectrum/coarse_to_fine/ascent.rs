@@ -3,13 +3,15 @@
 use std::ops::Range;
 
 use super::ROUNDED;
-use super::correction::{Correction, GROUP, relaxation};
+use super::correction::{Correction, GROUP};
 use super::level::Level;
 use super::weights::Weights;
 use crate::progress::Progress;
 use crate::spectrum::certificates::{self, Measured};
+use crate::spectrum::dual::relaxation;
 use crate::spectrum::factor::Cholesky;
 use crate::spectrum::ritz::rayleigh_ritz_beside;
+use crate::spectrum::solution::Vectors;
 use crate::spectrum::vectors::block::Block;
 use crate::spectrum::{Eigenpairs, Problem, SpectrumError};
 
@@ -27,8 +29,8 @@ const LOCKED: f64 = 0.5;
 
 /// What a level begins with: vectors of the coarser level, and how its points' values come of them.
 pub(super) struct Start<'a> {
-    weights: &'a Weights,
-    vectors: Block<f32>,
+    pub(super) weights: &'a Weights,
+    pub(super) vectors: Block<f32>,
     /// Eigenvalues where they are expected.
     pub(super) values: Vec<f64>,
 }
@@ -37,14 +39,26 @@ impl<'a> Start<'a> {
     /// Null vectors of parts that the finer level connects come first, for they are no null vectors there. `t` is the time
     /// of the heat kernel whose eigenvalues are expected.
     pub(super) fn of(level: &'a Level, pairs: &Eigenpairs, t: Option<f64>) -> Self {
+        Self::with(level, &pairs.values, |i, j| pairs.vectors.row(i)[j] as f32, t)
+    }
+
+    /// The same of a level that was solved by itself.
+    pub(super) fn of_sample(level: &'a Level, values: &[f64], vectors: &Vectors, t: Option<f64>) -> Self {
+        let root = &level.problem.root_mass;
+        match vectors {
+            Vectors::Double(y) => Self::with(level, values, |i, j| y.row(i)[j] as f32, t),
+            Vectors::Single(h) => Self::with(level, values, |i, j| (f64::from(h.row(i)[j]) * root[i]) as f32, t),
+        }
+    }
+
+    fn with(level: &'a Level, values: &[f64], entry: impl Fn(usize, usize) -> f32 + Sync, t: Option<f64>) -> Self {
         let zeros = level.problem.zero_modes();
-        let which: Vec<usize> = level.apart.iter().copied().chain(zeros..pairs.values.len()).collect();
+        let which: Vec<usize> = level.apart.iter().copied().chain(zeros..values.len()).collect();
         let mut vectors = Block::zeros(level.problem.size(), which.len());
         vectors.for_each_row(|i, row| {
-            let from = pairs.vectors.row(i);
-            row.iter_mut().zip(&which).for_each(|(x, &j)| *x = from[j] as f32);
+            row.iter_mut().zip(&which).for_each(|(x, &j)| *x = entry(i, j));
         });
-        let expected = |&j: &usize| t.map_or(pairs.values[j], |t| -(-t * pairs.values[j]).exp_m1() / t);
+        let expected = |&j: &usize| t.map_or(values[j], |t| -(-t * values[j]).exp_m1() / t);
         Self { weights: &level.weights, vectors, values: which.iter().map(expected).collect() }
     }
 }

@@ -195,10 +195,3 @@ fn single(values: &[f64]) -> Vec<f32> {
     use rayon::prelude::*;
     values.par_iter().with_min_len(1 << 14).map(|&value| value as f32).collect()
 }
-
-/// The relaxation ω of one of `steps` steps that leave the least of what is multiplied by `1 − ω y` for `y` from `low` to
-/// `high` (Chebyshev), the larger ones first.
-pub(super) fn relaxation(low: f64, high: f64, step: usize, steps: usize) -> f64 {
-    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-    1.0 / (middle - half * (std::f64::consts::PI * (step as f64 + 0.5) / steps as f64).cos())
-}

@@ -12,15 +12,18 @@
 mod ascent;
 mod correction;
 mod level;
+pub(super) mod prolonged;
 mod roots;
 #[cfg(test)]
 mod tests;
+mod two_grid;
 mod weights;
 
 use ascent::{Ascent, Start};
 use level::{Level, coarser};
 
 use super::certificates::MissedCheck;
+use super::dual::{self, ByFactor};
 use super::factor::Symbolic;
 use super::probe::{Probe, Towards};
 use super::solution::{Method, Request, Solution, certified_by, with_null_space};
@@ -122,6 +125,11 @@ fn by_factor<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     };
     drop(ascent);
     progress.enter(Phase::Certificates)?;
+    let dual = {
+        let mut inverse = ByFactor::new(&factor, !own);
+        let values = &pairs.values[..request.count];
+        dual::bounds(problem, values, &pairs.vectors, Some(&mut inverse), progress)?
+    };
     let missed = if request.narrow.is_none() {
         // the count has a factor of its own
         drop(factor);
@@ -135,7 +143,7 @@ fn by_factor<'a, P: Fn(u32) -> &'a [f64] + Sync>(
         return Ok(None);
     }
     pairs.truncate(request.count);
-    Ok(Some(certified_by(problem, pairs, measured, request, Method::CoarseToFine, missed)))
+    Ok(Some(certified_by(problem, pairs, (measured, Some(dual)), request, Method::CoarseToFine, missed)))
 }
 
 /// Coarser and coarser levels, the finest first; none where the points do not make up a surface.

@@ -34,6 +34,24 @@ impl Weights {
         Rows { offsets: &self.offsets, columns: &self.columns, values: &self.values }
     }
 
+    /// The transposed matrix, for `coarse` coarse points.
+    pub(super) fn transposed(&self, coarse: usize) -> Self {
+        let mut offsets = vec![0; coarse + 1];
+        self.columns.iter().for_each(|&c| offsets[c as usize + 1] += 1);
+        (0..coarse).for_each(|c| offsets[c + 1] += offsets[c]);
+        let mut next = offsets.clone();
+        let (mut columns, mut values) = (vec![0; self.columns.len()], vec![0.0; self.columns.len()]);
+        for (i, span) in self.offsets.windows(2).enumerate() {
+            for k in span[0]..span[1] {
+                let place = &mut next[self.columns[k] as usize];
+                columns[*place] = i as u32;
+                values[*place] = self.values[k];
+                *place += 1;
+            }
+        }
+        Self { offsets, columns, values }
+    }
+
     /// Weights of the coarse points at fine ones; fine point `i` is at `fine(i)` near the coarse point `owner(i)`.
     /// `graph` couples the coarse points, `planes` are their tangent planes, and `scale(i, c)` multiplies their weights.
     ///

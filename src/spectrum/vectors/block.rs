@@ -85,6 +85,18 @@ impl<T: Scalar> Block<T> {
             .for_each(|(chunk, rows)| change(chunk * CHUNK_ROWS, rows, width));
     }
 
+    /// What `map` makes of `parts` stretches of rows, which it may change, in their order: the number of the first row, the
+    /// rows, each `columns` numbers at the beginning of the block's width, which is passed on.
+    pub(crate) fn map_stretches<R: Send>(
+        &mut self,
+        parts: usize,
+        map: impl Fn(usize, &mut [T], usize) -> R + Sync + Send,
+    ) -> Vec<R> {
+        let (width, rows) = (self.width, self.rows.div_ceil(parts).max(CHUNK_ROWS));
+        let stretches = self.values.par_chunks_mut((width * rows).max(1)).enumerate();
+        stretches.map(|(part, values)| map(part * rows, values, width)).collect()
+    }
+
     /// Copies `count` columns of `source` from its column `from` to columns `to ..` of this block, rounded where it is of
     /// less precision.
     pub fn copy_columns<U: Scalar>(&mut self, to: usize, source: &Block<U>, from: usize, count: usize) {

@@ -3,6 +3,7 @@
 pub mod block;
 pub mod pair;
 pub mod scalar;
+pub mod single;
 pub mod sparse_product;
 pub mod start;
 

@@ -10,10 +10,10 @@ use crate::operator::Sparse;
 use crate::progress::{Canceled, Progress};
 
 /// Rows of a chunk: with 200 columns it stays in the second-level cache, and so does its image.
-const CHUNK_ROWS: usize = 128;
+pub(super) const CHUNK_ROWS: usize = 128;
 
 /// Partial sums; a fixed number, so that the result is independent of the threads.
-const PARTIAL_SUMS: usize = 16;
+pub(super) const PARTIAL_SUMS: usize = 16;
 
 /// `XᵀX` and `XᵀAX` for a symmetric `A`.
 ///
@@ -123,12 +123,12 @@ fn by_chunks<R: Send>(
 }
 
 /// `sum += aᵀb`, of which the lower triangle counts.
-fn add_lower(sum: &mut Mat<f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
+pub(super) fn add_lower(sum: &mut Mat<f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
     let (lower, whole) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
     triangular::matmul(sum.as_mut(), lower, Accum::Add, a.transpose(), whole, b, whole, 1.0, Par::Seq);
 }
 
-fn symmetric(lower: &Mat<f64>) -> Mat<f64> {
+pub(super) fn symmetric(lower: &Mat<f64>) -> Mat<f64> {
     Mat::from_fn(lower.nrows(), lower.ncols(), |i, j| lower[(i.max(j), i.min(j))])
 }
 

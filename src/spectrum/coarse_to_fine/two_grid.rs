@@ -1,0 +1,52 @@
+//! Systems with a matrix of which no factor fits: sweeps take what is rough, a thinned sample what is smooth.
+
+use super::weights::Weights;
+use crate::progress::{Canceled, Progress};
+use crate::spectrum::dual::{Improve, System, add};
+use crate::spectrum::factor::Cholesky;
+use crate::spectrum::vectors::block::Block;
+use crate::spectrum::vectors::sparse_product::{Finish, finished_product};
+
+/// One cycle: sweeps, what they leave solved on the sample, sweeps.
+pub(super) struct TwoGrid<'a> {
+    weights: &'a Weights,
+    /// From residuals at the points to those of the sample.
+    transposed: Weights,
+    factor: &'a Cholesky<'a>,
+    coarse: Block<f32>,
+    buffer: Vec<f32>,
+}
+
+impl<'a> TwoGrid<'a> {
+    /// With the factor of a sample of `points` points, whose values `weights` brings to all points, and room for `columns`
+    /// vectors.
+    pub(super) fn new(weights: &'a Weights, factor: &'a Cholesky<'a>, points: usize, columns: usize) -> Self {
+        let transposed = weights.transposed(points);
+        Self { weights, transposed, factor, coarse: Block::zeros(points, columns), buffer: Vec::new() }
+    }
+}
+
+impl Improve for TwoGrid<'_> {
+    fn improve(
+        &mut self,
+        system: &System<'_>,
+        z: &mut Block<f32>,
+        r: &Block<f32>,
+        other: &mut Block<f32>,
+        _begun: bool,
+        progress: &Progress,
+    ) -> Result<(), Canceled> {
+        let columns = r.columns();
+        system.sweep(z, r, other, progress)?;
+        system.defect(other, z, r);
+        progress.checkpoint()?;
+        let rest = other.columns_from(0, columns);
+        finished_product(&mut self.coarse, self.transposed.rows(), rest, Finish::Product);
+        self.factor.solve_single(&mut self.coarse, &mut self.buffer, progress)?;
+        let solved = self.coarse.columns_from(0, columns);
+        finished_product(other, self.weights.rows(), solved, Finish::Product);
+        progress.checkpoint()?;
+        add(z, other);
+        system.sweep(z, r, other, progress)
+    }
+}
