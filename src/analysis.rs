@@ -215,6 +215,13 @@ fn eigenpairs(
     progress.hold(memory_beside_factor(n, dimension, stored as u64, parameters));
     let solution = solve(&problem, &request, progress)?;
     progress.checkpoint()?;
+    if solution.solved_points > request.solved_max {
+        report.warnings.push(format!(
+            "the cloud could not be thinned out to {} points, and all of them were solved: it is no surface in space, falls \
+             apart, or has too few points for so many bases",
+            request.solved_max
+        ));
+    }
     if solution.method == Method::Prolonged {
         check_prolonged(&solution)?;
     } else if solution.certificates.residual > parameters.tolerance {

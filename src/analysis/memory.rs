@@ -233,6 +233,29 @@ mod tests {
     }
 
     #[test]
+    fn what_does_not_fit_is_thinned_out_as_little_as_possible() {
+        let parameters = Parameters { operator: OperatorKind::Voronoi, ..Parameters::default() };
+        let fitted = |points, kind, budget: u64| parameters.fitted(points, 3, 0, kind, budget << 30);
+        assert_eq!(fitted(1_000_000, JobKind::Eigen, 12), parameters);
+        let thinned = fitted(5_000_000, JobKind::Eigen, 12);
+        assert_eq!(thinned.solved_points, Some(5_000_000 / 7));
+        assert!(memory_estimate(5_000_000, 3, 0, JobKind::Eigen, &thinned) <= 12 << 30);
+        assert_eq!(fitted(5_000_000, JobKind::Operator, 12), parameters);
+        assert_eq!(fitted(50_000_000, JobKind::Eigen, 12), parameters, "nothing fits");
+        for all in [
+            Parameters { exact: true, ..parameters.clone() },
+            Parameters { dimension: 1, ..parameters.clone() },
+            Parameters { operator: OperatorKind::Pcd, ..parameters.clone() },
+            Parameters { bases: 10_000, ..parameters.clone() },
+        ] {
+            assert_eq!(all.fitted(5_000_000, 3, 0, JobKind::Eigen, 12 << 30), all);
+        }
+        assert_eq!(parameters.fitted(5_000_000, 2, 0, JobKind::Eigen, 12 << 30), parameters, "in a plane");
+        let few = Parameters { solved_points: Some(20_000), ..parameters.clone() };
+        assert_eq!(few.fitted(5_000_000, 3, 0, JobKind::Eigen, 12 << 30), few);
+    }
+
+    #[test]
     fn more_of_anything_takes_more() {
         let base = megabytes(100_000, OperatorKind::Voronoi, 50);
         assert!(megabytes(200_000, OperatorKind::Voronoi, 50) > 19 * base / 10);

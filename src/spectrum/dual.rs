@@ -268,3 +268,79 @@ pub(super) fn relaxation(low: f64, high: f64, step: usize, steps: usize) -> f64 
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     1.0 / (middle - half * (std::f64::consts::PI * (step as f64 + 0.5) / steps as f64).cos())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spectrum::certificates::measure;
+    use crate::spectrum::Eigenpairs;
+    use crate::spectrum::factor::Symbolic;
+    use crate::spectrum::grid::grid;
+
+    const SIDE: usize = 60;
+
+    /// An eigenvector of the grid, numbered by its waves along the axes, and its eigenvalue: products of
+    /// `cos(π a (x + ½)/side)`, of the eigenvalue `2 − 2 cos(π a/side)` of a path (Strang 1999).
+    fn wave(a: usize, b: usize) -> (f64, Vec<f64>) {
+        let along = |k: usize, x: usize| (std::f64::consts::PI * k as f64 * (x as f64 + 0.5) / SIDE as f64).cos();
+        let value = |k: usize| 2.0 - 2.0 * (std::f64::consts::PI * k as f64 / SIDE as f64).cos();
+        let mut vector: Vec<f64> = (0..SIDE * SIDE).map(|i| along(a, i % SIDE) * along(b, i / SIDE)).collect();
+        let norm = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+        vector.iter_mut().for_each(|x| *x /= norm);
+        (value(a) + value(b), vector)
+    }
+
+    /// A vector near an eigenvector, with some of others, its Rayleigh quotient, and its ρ by the definition.
+    fn mixed(shift: f64, others: &[(usize, usize, f64)]) -> (f64, Vec<f64>, f64) {
+        let rest: f64 = others.iter().map(|(_, _, c)| c * c).sum();
+        let parts: Vec<(f64, Vec<f64>, f64)> = [(2, 1, (1.0 - rest).sqrt())]
+            .iter()
+            .chain(others)
+            .map(|&(a, b, c)| (wave(a, b).0, wave(a, b).1, c))
+            .collect();
+        let mu: f64 = parts.iter().map(|(lambda, _, c)| c * c * lambda).sum();
+        let vector = (0..SIDE * SIDE).map(|i| parts.iter().map(|(_, v, c)| c * v[i]).sum()).collect();
+        let square: f64 =
+            parts.iter().map(|(lambda, _, c)| (c * (lambda - mu)).powi(2) / (lambda + shift)).sum();
+        (mu, vector, (square / (mu + shift)).sqrt())
+    }
+
+    #[test]
+    fn bounds_are_above_the_dual_norm_and_near_it_where_systems_are_solved() {
+        let problem = grid(SIDE);
+        let rough = mixed(problem.shift, &[(50, 40, 1e-3), (59, 58, 1e-3)]);
+        let smooth = mixed(problem.shift, &[(7, 3, 1e-3), (4, 9, 2e-3)]);
+        let mut vectors = Block::zeros(SIDE * SIDE, 2);
+        vectors.for_each_row(|i, row| row.copy_from_slice(&[rough.1[i], smooth.1[i]]));
+        let values = [rough.0, smooth.0];
+        let order: Vec<u32> = (0..(SIDE * SIDE) as u32).collect();
+        let symbolic = Symbolic::analyze(&problem.matrix, order, &Progress::new()).unwrap();
+        for shift in [problem.shift, 4.0 * values[0]] {
+            let factor = symbolic.factor(&problem.matrix, shift, &Progress::new()).unwrap();
+            for smoothed in [false, true] {
+                let mut inverse = ByFactor::new(&factor, smoothed);
+                let found = bounds(&problem, &values, &vectors, Some(&mut inverse), &Progress::new()).unwrap();
+                for (bound, exact) in found.iter().zip([rough.2, smooth.2]) {
+                    assert!((0.9999 * exact..1.15 * exact).contains(bound), "{shift}: {bound} {exact}");
+                }
+            }
+        }
+        // nothing but the 2-norm is known
+        let found = bounds(&problem, &values, &vectors, None, &Progress::new()).unwrap();
+        let pairs = Eigenpairs::real(values.to_vec(), vectors);
+        let residuals = measure(&problem, &pairs, &Progress::new()).unwrap().residuals;
+        for ((bound, residual), mu) in found.iter().zip(residuals).zip(values) {
+            let expected = residual * ((mu + problem.shift) / problem.shift).sqrt();
+            assert!((bound / expected - 1.0).abs() < 1e-5, "{bound} {expected}");
+        }
+    }
+
+    #[test]
+    fn some_eigenvalue_is_within_the_bound() {
+        let problem = grid(SIDE);
+        let (mu, vector, dual) = mixed(problem.shift, &[(2, 2, 0.1), (5, 5, 0.05)]);
+        let off = |lambda: f64| (lambda - mu).abs() / (lambda + problem.shift);
+        let nearest = (0..SIDE * SIDE).map(|k| off(wave(k % SIDE, k / SIDE).0)).fold(f64::INFINITY, f64::min);
+        assert!(nearest <= dual && nearest > 0.01 * dual && vector.len() == SIDE * SIDE, "{nearest} {dual}");
+    }
+}

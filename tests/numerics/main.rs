@@ -9,6 +9,7 @@ mod folds;
 mod harmonics;
 mod invariances;
 mod operators;
+mod prolonged;
 mod robustness;
 mod sampling;
 mod scans;

@@ -1,5 +1,7 @@
 //! Pairs beside those of block Lanczos.
 
+mod prolonged;
+
 use super::*;
 use crate::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
 use crate::cloud::{NonFinite, PointCloud};

@@ -92,7 +92,7 @@ fn counts_are_held_against_the_bytes_that_are_there() {
         "{}",
         message_of(11)
     );
-    assert!(message_of(u32::MAX).contains("up to 5000000"), "{}", message_of(u32::MAX));
+    assert!(message_of(u32::MAX).contains("up to 50000000"), "{}", message_of(u32::MAX));
     assert!(message(&bytes[..bytes.len() - 1]).contains("259 bytes follow"));
     assert!(message(&bytes[..200]).contains("the header has 227 bytes"));
 }
