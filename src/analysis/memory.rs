@@ -3,6 +3,7 @@
 use super::{JobKind, Parameters};
 use crate::operator::OperatorKind;
 use crate::spectrum::dense::is_dense;
+use crate::spectrum::group_width;
 use crate::spectrum::shift_invert::krylov_vectors_at_end;
 use crate::spectrum::slicing::{SLICE, vectors_held};
 
@@ -38,7 +39,7 @@ const HELD_BYTES: u64 = 420;
 /// The same of a kernel's rows.
 const HELD_KERNEL_BYTES: u64 = 340;
 /// Bytes per point, beside a number in single precision for every basis, while the sample's bases are brought to all points.
-const PROLONGED_BYTES: u64 = 480;
+const PROLONGED_BYTES: u64 = 410;
 /// Three square matrices of doubles.
 const DENSE_BYTES: u64 = 3 * 8;
 
@@ -57,10 +58,18 @@ pub fn memory_estimate(
 ) -> u64 {
     match parameters.sample_of(points, dimension, kind) {
         Some(sample) => {
-            let solving = estimate(sample, dimension, 0, kind, &Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() });
+            let solving = estimate(
+                sample,
+                dimension,
+                0,
+                kind,
+                &Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() },
+            );
             let geometry = points.saturating_mul(GEOMETRY_BYTES + 16 * dimension as u64);
             let beside = points.saturating_mul(held_while_thinned(parameters));
-            let prolonged = points.saturating_mul(PROLONGED_BYTES + 4 * parameters.bases as u64).saturating_add(beside);
+            // three groups of vectors beside the bases
+            let singles = 4 * (parameters.bases + 3 * group_width(points as usize)) as u64;
+            let prolonged = points.saturating_mul(PROLONGED_BYTES + singles).saturating_add(beside);
             let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
             most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
         }
@@ -105,7 +114,10 @@ impl Parameters {
         {
             return self.clone();
         }
-        let sizes = THINNED.iter().map(|by| points / by).filter(|&sample| sample >= SAMPLE_POINTS_PER_BASIS * self.bases as u64);
+        let sizes = THINNED
+            .iter()
+            .map(|by| points / by)
+            .filter(|&sample| sample >= SAMPLE_POINTS_PER_BASIS * self.bases as u64);
         let thinned = sizes.map(|sample| Self { solved_points: Some(sample as usize), ..self.clone() });
         thinned.into_iter().find(|thinned| estimate(thinned) <= budget).unwrap_or_else(|| self.clone())
     }

@@ -86,8 +86,7 @@ fn functions(problem: &Problem, vectors: &Block, imaginary: &[f64]) -> Vec<Vec<f
         columns
     };
     let firsts: Vec<usize> = (0..vectors.columns()).step_by(TOGETHER).collect();
-    let mut bases: Vec<Vec<f64>> =
-        firsts.into_par_iter().with_max_len(1).flat_map_iter(columns).collect();
+    let mut bases: Vec<Vec<f64>> = firsts.into_par_iter().with_max_len(1).flat_map_iter(columns).collect();
     let mut negative: Vec<bool> = bases.par_iter().map(|basis| largest(basis) < 0.0).collect();
     // the two parts of a complex eigenvector turn together
     for j in 1..negative.len() {
@@ -107,7 +106,10 @@ fn signs(functions: &Block<f32>) -> Vec<f64> {
     let largest_of = |first: usize| {
         let mut largest = vec![0.0_f32; columns];
         for i in first..functions.rows().min(first + ROWS_PER_TASK) {
-            largest.iter_mut().zip(functions.row(i)).for_each(|(largest, &h)| *largest = farther(*largest, h));
+            largest
+                .iter_mut()
+                .zip(functions.row(i))
+                .for_each(|(largest, &h)| *largest = farther(*largest, h));
         }
         largest
     };

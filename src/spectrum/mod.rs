@@ -38,6 +38,7 @@ pub mod vectors;
 mod weyl;
 
 pub use certificates::{Certificates, MissedCheck};
+pub use dual::width as group_width;
 pub use eigenbasis::Eigenbasis;
 pub use eigenpairs::Eigenpairs;
 pub use error::SpectrumError;

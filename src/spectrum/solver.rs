@@ -1,8 +1,8 @@
 //! Chooses a solver.
 
 use super::certificates::MissedCheck;
-use super::factor::Symbolic;
 use super::coarse_to_fine::prolonged::{self, Sample};
+use super::factor::Symbolic;
 use super::solution::{Method, Request, Solution, certified, with_null_space};
 use super::{Problem, SpectrumError, coarse_to_fine, dense, direct, indefinite, iterative, slicing};
 use crate::operator::Structure;
@@ -34,7 +34,8 @@ pub fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     }
     if n > request.solved_max {
         progress.enter(Phase::Factorization)?;
-        let solve_sample = |sample: Sample<'_>| solve_sample(&sample, request.solved_max, request.tolerance, progress);
+        let solve_sample =
+            |sample: Sample<'_>| solve_sample(&sample, request.solved_max, request.tolerance, progress);
         if let Some(solution) = prolonged::solve(problem, request, &solve_sample, progress)? {
             return Ok(solution);
         }

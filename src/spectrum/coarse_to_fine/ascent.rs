@@ -47,11 +47,18 @@ impl<'a> Start<'a> {
         let root = &level.problem.root_mass;
         match vectors {
             Vectors::Double(y) => Self::with(level, values, |i, j| y.row(i)[j] as f32, t),
-            Vectors::Single(h) => Self::with(level, values, |i, j| (f64::from(h.row(i)[j]) * root[i]) as f32, t),
+            Vectors::Single(h) => {
+                Self::with(level, values, |i, j| (f64::from(h.row(i)[j]) * root[i]) as f32, t)
+            }
         }
     }
 
-    fn with(level: &'a Level, values: &[f64], entry: impl Fn(usize, usize) -> f32 + Sync, t: Option<f64>) -> Self {
+    fn with(
+        level: &'a Level,
+        values: &[f64],
+        entry: impl Fn(usize, usize) -> f32 + Sync,
+        t: Option<f64>,
+    ) -> Self {
         let zeros = level.problem.zero_modes();
         let which: Vec<usize> = level.apart.iter().copied().chain(zeros..values.len()).collect();
         let mut vectors = Block::zeros(level.problem.size(), which.len());

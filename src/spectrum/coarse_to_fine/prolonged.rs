@@ -13,7 +13,7 @@ use super::two_grid::TwoGrid;
 use super::{SHIFT_SHARE, symbolic_of};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::certificates::{Certificates, MissedCheck};
-use crate::spectrum::dual::{Improve, Room, System, bounds_of_group, width};
+use crate::spectrum::dual::{Improve, Room, System, bounds_of_group, inner_products, width};
 use crate::spectrum::ritz::change_beside;
 use crate::spectrum::solution::{Method, Request, Solution, Vectors, saturation};
 use crate::spectrum::vectors::block::Block;
@@ -24,6 +24,11 @@ use crate::spectrum::{Problem, SpectrumError};
 
 /// Fewest points of a sample, as a multiple of the pairs that are asked of it.
 const POINTS_PER_PAIR: usize = 12;
+
+/// Corrections at most, and the largest ρ, by what the correction finds, that one is enough for: it takes that of smooth
+/// surfaces to a tenth, and of scans of which the sample lacks what is small to a third.
+const CORRECTIONS_MAX: usize = 3;
+const CORRECTED_ONCE: f64 = 0.01;
 
 /// A problem on a thinned sample.
 pub(in crate::spectrum) struct Sample<'a> {
@@ -80,23 +85,28 @@ pub(in crate::spectrum) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     let columns = width(n);
     let mut inverse = TwoGrid::new(&level.weights, &factor, level.problem.size(), columns);
     let system = System::new(problem);
-    let mut room = Room::new(n, columns);
-    let mut vectors = prolonged(problem, &system, start, &mut inverse, &mut room, progress)?;
-    drop(room);
-    progress.advance(0.7)?;
-    let ones = Scaled { vectors: vectors.columns_from(0, vectors.columns()), scale: &[] };
-    let [gram, image] = gram_pair(Some(&problem.matrix), ones, n, progress)?;
-    let (mut values, change) = change_beside(zeros, gram.as_ref(), image.as_ref())?;
-    let kept = request.count.min(values.len());
-    values.truncate(kept);
-    replace_by_product(&mut vectors, change.as_ref().subcols(0, kept));
-    progress.advance(0.8)?;
+    let mut vectors = prolonged(problem, &start, progress)?;
+    let mut values = vec![0.0; zeros];
+    values.extend_from_slice(&start.values);
+    drop(start);
+    for _ in 0..CORRECTIONS_MAX {
+        let dual = correct(problem, &system, &values, &mut vectors, &mut inverse, progress)?;
+        values = ritz(problem, &mut vectors, progress)?;
+        if values.len() < request.count {
+            return Ok(None);
+        }
+        if dual <= CORRECTED_ONCE {
+            break;
+        }
+    }
+    values.truncate(request.count);
+    vectors.set_columns(request.count);
     into_functions(problem, &mut vectors);
     let judged = judged(problem, &system, &values, &vectors, &mut inverse, progress)?;
     let certificates = Certificates {
         orthogonality: judged.orthogonality,
         residual: judged.residuals.iter().copied().fold(0.0, f64::max),
-        dual_residual: Some(judged.dual_residuals.iter().copied().fold(0.0, f64::max)),
+        dual_residual: Some(judged.dual_residual()),
         zero_modes: zeros,
         missed,
         missed_check: MissedCheck::Thinned,
@@ -114,38 +124,62 @@ pub(in crate::spectrum) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     }))
 }
 
-/// The null vectors, then those of the sample at all points, corrected once.
-fn prolonged(
-    problem: &Problem,
-    system: &System<'_>,
-    start: Start<'_>,
-    inverse: &mut TwoGrid<'_>,
-    room: &mut Room,
-    progress: &Progress,
-) -> Result<Block<f32>, SpectrumError> {
+/// The null vectors, then those of the sample at all points.
+fn prolonged(problem: &Problem, start: &Start<'_>, progress: &Progress) -> Result<Block<f32>, SpectrumError> {
     let (n, zeros, all) = (problem.size(), problem.zero_modes(), start.values.len());
     let columns = width(n);
     let mut vectors = Block::<f32>::zeros(n, zeros + all);
     problem.write_null_vectors(&mut vectors, zeros);
+    let mut group = Block::<f32>::zeros(n, columns.min(all));
     for first in (0..all).step_by(columns) {
-        progress.advance(0.2 + 0.5 * first as f64 / all as f64)?;
-        let values = &start.values[first..all.min(first + columns)];
-        let coarse = start.vectors.columns_from(first, values.len());
-        finished_product(&mut room.other, start.weights.rows(), coarse, Finish::Product);
-        progress.checkpoint()?;
-        let some = Scaled { vectors: room.other.columns_from(0, values.len()), scale: &[] };
-        residual(&mut room.residual, &problem.matrix, some, values);
-        vectors.copy_columns(zeros + first, &room.other, 0, values.len());
-        room.begin();
-        progress.checkpoint()?;
-        let Room { residual, solution, other } = room;
-        inverse.improve(system, solution, residual, other, false, progress)?;
-        let to = zeros + first;
-        vectors.for_each_row(|i, row| {
-            row[to..to + values.len()].iter_mut().zip(solution.row(i)).for_each(|(x, z)| *x -= z);
-        });
+        progress.advance(0.1 + 0.1 * first as f64 / all as f64)?;
+        let coarse = start.vectors.columns_from(first, columns.min(all - first));
+        finished_product(&mut group, start.weights.rows(), coarse, Finish::Product);
+        vectors.copy_columns(zeros + first, &group, 0, coarse.count());
     }
     Ok(vectors)
+}
+
+/// One correction of every vector behind the null vectors by its residual; the largest ρ before it, nearly.
+fn correct(
+    problem: &Problem,
+    system: &System<'_>,
+    values: &[f64],
+    vectors: &mut Block<f32>,
+    inverse: &mut TwoGrid<'_>,
+    progress: &Progress,
+) -> Result<f64, SpectrumError> {
+    let (n, all, zeros) = (problem.size(), values.len(), problem.zero_modes());
+    let columns = width(n);
+    let mut room = Room::new(n, columns);
+    let mut largest = 0.0_f64;
+    for first in (zeros..all).step_by(columns) {
+        progress.advance(0.2 + 0.6 * first as f64 / all as f64)?;
+        let values = &values[first..all.min(first + columns)];
+        let some = Scaled { vectors: vectors.columns_from(first, values.len()), scale: &[] };
+        residual(&mut room.residual, &problem.matrix, some, values);
+        room.begin();
+        progress.checkpoint()?;
+        let Room { residual, solution, other } = &mut room;
+        inverse.improve(system, solution, residual, other, false, progress)?;
+        for (product, value) in inner_products(solution, residual).iter().zip(values) {
+            largest = largest.max((product.max(0.0) / (value + problem.shift)).sqrt());
+        }
+        vectors.for_each_row(|i, row| {
+            row[first..first + values.len()].iter_mut().zip(solution.row(i)).for_each(|(x, z)| *x -= z);
+        });
+    }
+    Ok(largest)
+}
+
+/// Makes Ritz vectors of vectors, and gives their values, zeros first.
+fn ritz(problem: &Problem, vectors: &mut Block<f32>, progress: &Progress) -> Result<Vec<f64>, SpectrumError> {
+    let ones = Scaled { vectors: vectors.columns_from(0, vectors.columns()), scale: &[] };
+    let [gram, image] = gram_pair(Some(&problem.matrix), ones, problem.size(), progress)?;
+    let (values, change) = change_beside(problem.zero_modes(), gram.as_ref(), image.as_ref())?;
+    replace_by_product(vectors, change.as_ref());
+    progress.advance(0.9)?;
+    Ok(values)
 }
 
 /// `h = B^-½ y`; functions of the null space are the same at all points of their component.
@@ -165,6 +199,12 @@ struct Judged {
     residuals: Vec<f64>,
     dual_residuals: Vec<f64>,
     orthogonality: f64,
+}
+
+impl Judged {
+    fn dual_residual(&self) -> f64 {
+        self.dual_residuals.iter().copied().fold(0.0, f64::max)
+    }
 }
 
 fn judged(
@@ -195,7 +235,13 @@ fn judged(
         progress.checkpoint()?;
         let relative = |(square, value): (&f64, &f64)| square.sqrt() / (value + problem.shift);
         judged.residuals.extend(squares.iter().zip(some).map(relative));
-        judged.dual_residuals.extend(bounds_of_group(system, some, Some(&mut *inverse), &mut room, progress)?);
+        judged.dual_residuals.extend(bounds_of_group(
+            system,
+            some,
+            Some(&mut *inverse),
+            &mut room,
+            progress,
+        )?);
     }
     Ok(judged)
 }

@@ -10,8 +10,8 @@ use crate::geometry::{NearestNeighbors, Points, SearchTree, frames};
 use crate::operator::pb_mhb::{self, Coupling};
 use crate::operator::{HeatKernel, LaplaceBeltrami, voronoi};
 use crate::progress::Canceled;
-use crate::spectrum::{Vectors, Weyl};
 use crate::spectrum::vectors::block::gram;
+use crate::spectrum::{Vectors, Weyl};
 
 /// A surface with its operator, and the narrow companion of a kernel operator.
 struct Surface {

@@ -165,7 +165,9 @@ mod tests {
             let exact: Vec<f64> = (0..n).map(|i| image.row(i)[j] - values[j] * double.row(i)[j]).collect();
             let square: f64 = exact.iter().map(|x| x * x).sum();
             assert!((squares[j] / square - 1.0).abs() < 1e-12);
-            assert!((0..n).all(|i| (f64::from(rest.row(i)[j]) - exact[i]).abs() < 1e-6 * (1.0 + exact[i].abs())));
+            assert!(
+                (0..n).all(|i| (f64::from(rest.row(i)[j]) - exact[i]).abs() < 1e-6 * (1.0 + exact[i].abs()))
+            );
         }
 
         let change = Mat::from_fn(m, 4, |i, j| (i + 3 * j) as f64 / 7.0 - 1.0);

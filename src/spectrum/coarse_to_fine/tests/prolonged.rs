@@ -16,14 +16,18 @@ impl Surface {
 
     fn exact(&self) -> Vec<f64> {
         let request = self.request(COUNT + 8, 1e-9);
-        let symbolic = Symbolic::by_position(&self.problem.matrix, &request.position, &Progress::new()).unwrap();
+        let symbolic =
+            Symbolic::by_position(&self.problem.matrix, &request.position, &Progress::new()).unwrap();
         direct::solve(&self.problem, &symbolic, &request, &Progress::new()).unwrap().values
     }
 
     /// Values as near as `error`, the error bounded by ρ, vectors orthonormal, the rest as the method has it.
     fn check_thinned(&self, solved_max: usize, error: f64) -> Solution {
         let found = self.thinned(solved_max, &Progress::new()).unwrap();
-        assert_eq!((found.method, found.certificates.missed_check), (Method::Prolonged, MissedCheck::Thinned));
+        assert_eq!(
+            (found.method, found.certificates.missed_check),
+            (Method::Prolonged, MissedCheck::Thinned)
+        );
         assert!(found.solved_points <= solved_max && found.solved_points > solved_max / 20);
         assert_eq!((found.certificates.missed, found.values.len()), (Some(0), COUNT));
         assert!(found.certificates.orthogonality < 1e-5, "{}", found.certificates.orthogonality);
@@ -33,7 +37,11 @@ impl Surface {
             let off = |lambda: &f64| (lambda - value).abs() / (lambda + shift);
             let nearest = exact.iter().map(off).fold(f64::INFINITY, f64::min);
             assert!(nearest <= dual[j] + 1e-9, "{j}: {nearest} {}", dual[j]);
-            assert!((value - exact[j]).abs() <= error * (exact[j] + 1e-3 * shift), "{j}: {value} {}", exact[j]);
+            assert!(
+                (value - exact[j]).abs() <= error * (exact[j] + 1e-3 * shift),
+                "{j}: {value} {}",
+                exact[j]
+            );
         }
         found
     }
