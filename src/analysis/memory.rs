@@ -1,5 +1,6 @@
 //! What an analysis will take of the machine, told before it begins.
 
+use super::parameters::SOLVED_LEAST;
 use super::{JobKind, Parameters};
 use crate::operator::OperatorKind;
 use crate::spectrum::dense::is_dense;
@@ -37,7 +38,9 @@ const SAMPLE_POINTS_PER_BASIS: u64 = 20;
 /// Bytes per point while a sample is solved: points and cloud, masses, and a narrow matrix with the weights of the sample.
 const HELD_BYTES: u64 = 420;
 /// The same of a kernel's rows.
-const HELD_KERNEL_BYTES: u64 = 340;
+const HELD_KERNEL_BYTES: u64 = 440;
+/// Pairs of points that a kernel couples, per point of an even sample, each of which takes [`ENTRY_BYTES`] at first.
+const COUPLED: u64 = 28;
 /// Bytes per point, beside a number in single precision for every basis, while the sample's bases are brought to all points.
 const PROLONGED_BYTES: u64 = 410;
 /// Three square matrices of doubles.
@@ -58,15 +61,13 @@ pub fn memory_estimate(
 ) -> u64 {
     match parameters.sample_of(points, dimension, kind) {
         Some(sample) => {
-            let solving = estimate(
-                sample,
-                dimension,
-                0,
-                kind,
-                &Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() },
-            );
-            let geometry = points.saturating_mul(GEOMETRY_BYTES + 16 * dimension as u64);
-            let beside = points.saturating_mul(held_while_thinned(parameters));
+            let of_sample = Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() };
+            let solving = estimate(sample, dimension, 0, kind, &of_sample);
+            let is_narrow = matches!(parameters.operator, OperatorKind::Voronoi | OperatorKind::Cotangent);
+            let [assembled, rows] =
+                if is_narrow { [0, 0] } else { [COUPLED * ENTRY_BYTES, HELD_KERNEL_BYTES] };
+            let geometry = points.saturating_mul(GEOMETRY_BYTES + 16 * dimension as u64 + assembled);
+            let beside = points.saturating_mul(HELD_BYTES + rows);
             // three groups of vectors beside the bases
             let singles = 4 * (parameters.bases + 3 * group_width(points as usize)) as u64;
             let prolonged = points.saturating_mul(PROLONGED_BYTES + singles).saturating_add(beside);
@@ -74,14 +75,6 @@ pub fn memory_estimate(
             most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
         }
         None => estimate(points, dimension, faces, kind, parameters),
-    }
-}
-
-/// Bytes per point of the points and the matrices of an operator that is not factored.
-fn held_while_thinned(parameters: &Parameters) -> u64 {
-    match parameters.operator {
-        OperatorKind::Voronoi | OperatorKind::Cotangent => HELD_BYTES,
-        _ => HELD_BYTES + HELD_KERNEL_BYTES,
     }
 }
 
@@ -114,10 +107,8 @@ impl Parameters {
         {
             return self.clone();
         }
-        let sizes = THINNED
-            .iter()
-            .map(|by| points / by)
-            .filter(|&sample| sample >= SAMPLE_POINTS_PER_BASIS * self.bases as u64);
+        let least = (SAMPLE_POINTS_PER_BASIS * self.bases as u64).max(SOLVED_LEAST as u64);
+        let sizes = THINNED.iter().map(|by| points / by).filter(|&sample| sample >= least);
         let thinned = sizes.map(|sample| Self { solved_points: Some(sample as usize), ..self.clone() });
         thinned.into_iter().find(|thinned| estimate(thinned) <= budget).unwrap_or_else(|| self.clone())
     }
@@ -242,6 +233,20 @@ mod tests {
         let (iterated, dense) =
             (megabytes(3_000, OperatorKind::Voronoi, 600), megabytes(3_000, OperatorKind::Voronoi, 601));
         assert!((216..220).contains(&(dense - iterated)), "{dense} {iterated}");
+    }
+
+    /// Peaks of the same, thinned out.
+    #[test]
+    fn the_estimate_bounds_what_thinned_clouds_took() {
+        for (points, solved, measured) in
+            [(134_345, 19_200, 230), (600_000, 85_000, 940), (5_000_000, 714_000, 6_460)]
+        {
+            let operator = OperatorKind::Voronoi;
+            let parameters = Parameters { operator, solved_points: Some(solved), ..Parameters::default() };
+            let estimate = memory_estimate(points, 3, 0, JobKind::Eigen, &parameters) / 1_000_000;
+            let ratio = estimate as f64 / f64::from(measured);
+            assert!((1.0..1.35).contains(&ratio), "{points} {solved}: {estimate} for {measured}");
+        }
     }
 
     #[test]

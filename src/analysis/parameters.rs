@@ -22,7 +22,7 @@ words! {
 }
 
 /// Fewest points that a thinned sample may be asked to have.
-const SOLVED_LEAST: usize = 1_000;
+pub(super) const SOLVED_LEAST: usize = 1_000;
 
 /// Most bases that any configuration may allow.
 const BASES_CEILING: usize = 10_000;

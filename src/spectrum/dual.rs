@@ -8,11 +8,11 @@
 //! `‖r‖²_{(A+σ)⁻¹} = zᵀ(r + d) + ‖d‖²_{(A+σ)⁻¹} ≤ zᵀ(r + d) + ‖d‖²/σ`, because nothing of `A` is below 0; `z` need not be
 //! more than nearly a solution.
 
-use std::ops::Range;
+use rayon::prelude::*;
 
 use super::Problem;
 use super::factor::Cholesky;
-use super::vectors::block::{Block, Columns};
+use super::vectors::block::Block;
 use super::vectors::pair::rounded_residual;
 use super::vectors::single::added;
 use super::vectors::sparse_product::{Finish, Rows, finished_product};
@@ -53,7 +53,6 @@ pub(super) struct System<'a> {
 
 impl<'a> System<'a> {
     pub(super) fn new(problem: &'a Problem) -> Self {
-        use rayon::prelude::*;
         let (matrix, root) = (&problem.matrix, &problem.root_mass);
         let sizes = |i: usize| -> f64 {
             let (columns, values) = matrix.row(i);
@@ -78,10 +77,9 @@ impl<'a> System<'a> {
 
     /// `out ← r − (A + σI) z`.
     pub(super) fn defect(&self, out: &mut Block<f32>, z: &Block<f32>, r: &Block<f32>) {
-        let whole = |block: &'_ Block<f32>| -> Range<usize> { 0..block.columns() };
-        let columns = whole(r).len();
-        let right: Columns<'_, f32> = r.columns_from(0, columns);
-        finished_product(out, self.rows(), z.columns_from(0, columns), Finish::Defect(right));
+        let columns = r.columns();
+        let right = Finish::Defect(r.columns_from(0, columns));
+        finished_product(out, self.rows(), z.columns_from(0, columns), right);
         let shift = self.problem.shift as f32;
         out.for_each_row(|i, row| row.iter_mut().zip(z.row(i)).for_each(|(d, z)| *d -= shift * z));
     }
@@ -94,7 +92,6 @@ impl<'a> System<'a> {
         other: &mut Block<f32>,
         progress: &Progress,
     ) -> Result<(), Canceled> {
-        use rayon::prelude::*;
         let columns = r.columns();
         let mut scale = vec![0.0_f32; self.relaxation.len()];
         for sweep in 0..SWEEPS {
@@ -209,7 +206,7 @@ pub(super) fn bounds(
         let some = &values[first..values.len().min(first + width(problem.size()))];
         progress.advance(first as f64 / values.len() as f64)?;
         rounded_residual(&mut room.residual, &problem.matrix, vectors.columns_from(first, some.len()), some);
-        // reborrowed for every group
+        // lent to every group anew
         let inverse = inverse.as_mut().map(|inverse| &mut **inverse as &mut dyn Improve);
         found.extend(bounds_of_group(&system, some, inverse, &mut room, progress)?);
     }

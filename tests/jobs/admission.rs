@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use chladni::analysis::{JobKind, Parameters};
 use chladni::jobs::{Compute, Jobs, JobsSettings};
 use chladni::store::{JobState, Store, StoreError};
 use uuid::Uuid;
@@ -31,6 +32,20 @@ async fn a_job_over_the_budget_is_refused_with_need_and_budget_and_leaves_nothin
     let refused = store.submit_job(stored.id, chladni::analysis::JobKind::Eigen, parameters(2)).await;
     assert!(matches!(refused, Err(StoreError::OverBudget { .. })));
     assert!(store.submit(&cloud(50, 1), job).await.is_ok(), "a smaller one is taken");
+}
+
+#[tokio::test]
+async fn a_job_that_does_not_fit_is_thinned_out_unless_all_points_are_to_be_solved() {
+    let stage = Stage::new();
+    let need = need(20_000).await;
+    let store = stage.open_with(|settings| settings.memory_budget = need - 1).await;
+    let job = submit(&store, &cloud(20_000, 1), 2).await;
+    assert_eq!(job.parameters.solved_points, Some(20_000 / 7));
+    assert!(job.memory < need);
+    assert_eq!(submit(&store, &cloud(20_000, 1), 2).await.id, job.id, "the same analysis is the same job");
+    let exact = Parameters { exact: true, ..parameters(2) };
+    let refused = store.submit(&cloud(20_000, 1), Some((JobKind::Eigen, exact))).await;
+    assert!(matches!(refused, Err(StoreError::OverBudget { .. })));
 }
 
 #[tokio::test]
