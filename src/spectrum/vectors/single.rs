@@ -171,7 +171,7 @@ mod tests {
         }
 
         let change = Mat::from_fn(m, 4, |i, j| (i + 3 * j) as f64 / 7.0 - 1.0);
-        let mut plain = Block::zeros(n, m);
+        let mut plain = Block::<f64>::zeros(n, m);
         plain.copy_columns(0, &single, 0, m);
         replace_in_double(&mut plain, change.as_ref());
         replace_by_product(&mut single, change.as_ref());
