@@ -83,7 +83,7 @@ pub(in crate::spectrum) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
         return Ok(None);
     };
     let columns = width(n);
-    let mut inverse = TwoGrid::new(&level.weights, &factor, level.problem.size(), columns);
+    let mut inverse = TwoGrid::new(&level.weights, &factor, level.problem.size(), columns, progress)?;
     let system = System::new(problem);
     let mut vectors = prolonged(problem, &start, progress)?;
     let mut values = vec![0.0; zeros];
@@ -177,7 +177,7 @@ fn ritz(problem: &Problem, vectors: &mut Block<f32>, progress: &Progress) -> Res
     let ones = Scaled { vectors: vectors.columns_from(0, vectors.columns()), scale: &[] };
     let [gram, image] = gram_pair(Some(&problem.matrix), ones, problem.size(), progress)?;
     let (values, change) = change_beside(problem.zero_modes(), gram.as_ref(), image.as_ref())?;
-    replace_by_product(vectors, change.as_ref());
+    replace_by_product(vectors, change.as_ref(), progress)?;
     progress.advance(0.9)?;
     Ok(values)
 }

@@ -20,9 +20,18 @@ pub(super) struct TwoGrid<'a> {
 impl<'a> TwoGrid<'a> {
     /// With the factor of a sample of `points` points, whose values `weights` brings to all points, and room for `columns`
     /// vectors.
-    pub(super) fn new(weights: &'a Weights, factor: &'a Cholesky<'a>, points: usize, columns: usize) -> Self {
-        let transposed = weights.transposed(points);
-        Self { weights, transposed, factor, coarse: Block::zeros(points, columns), buffer: Vec::new() }
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub(super) fn new(
+        weights: &'a Weights,
+        factor: &'a Cholesky<'a>,
+        points: usize,
+        columns: usize,
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
+        let transposed = weights.transposed(points, progress)?;
+        Ok(Self { weights, transposed, factor, coarse: Block::zeros(points, columns), buffer: Vec::new() })
     }
 }
 

@@ -35,13 +35,19 @@ impl Weights {
     }
 
     /// The transposed matrix, for `coarse` coarse points.
-    pub(super) fn transposed(&self, coarse: usize) -> Self {
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub(super) fn transposed(&self, coarse: usize, progress: &Progress) -> Result<Self, Canceled> {
         let mut offsets = vec![0; coarse + 1];
         self.columns.iter().for_each(|&c| offsets[c as usize + 1] += 1);
         (0..coarse).for_each(|c| offsets[c + 1] += offsets[c]);
         let mut next = offsets.clone();
         let (mut columns, mut values) = (vec![0; self.columns.len()], vec![0.0; self.columns.len()]);
         for (i, span) in self.offsets.windows(2).enumerate() {
+            if i % POINTS_PER_TASK == 0 {
+                progress.checkpoint()?;
+            }
             for k in span[0]..span[1] {
                 let place = &mut next[self.columns[k] as usize];
                 columns[*place] = i as u32;
@@ -49,7 +55,7 @@ impl Weights {
                 *place += 1;
             }
         }
-        Self { offsets, columns, values }
+        Ok(Self { offsets, columns, values })
     }
 
     /// Weights of the coarse points at fine ones; fine point `i` is at `fine(i)` near the coarse point `owner(i)`.
@@ -201,6 +207,19 @@ mod tests {
         let all =
             (-2_i32..=2).flat_map(|a| (-2..=2).map(move |b| (a, b))).filter(|(a, b)| (a + b).abs() <= 2);
         all.map(|(a, b)| in_space(place(a, b))).collect()
+    }
+
+    #[test]
+    fn the_transposed_matrix_has_the_entries_at_their_other_places() {
+        let weights = Weights {
+            offsets: vec![0, 2, 2, 4],
+            columns: vec![2, 0, 2, 1],
+            values: vec![0.75, 0.25, 1.5, -0.5],
+        };
+        let transposed = weights.transposed(3, &Progress::new()).unwrap();
+        assert_eq!(transposed.offsets, [0, 1, 2, 4]);
+        assert_eq!(transposed.columns, [0, 2, 0, 2]);
+        assert_eq!(transposed.values, [0.25, -0.5, 0.75, 1.5]);
     }
 
     #[test]

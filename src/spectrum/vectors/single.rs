@@ -110,11 +110,21 @@ pub(crate) fn added(columns: usize, parts: Vec<Vec<f64>>) -> Vec<f64> {
 }
 
 /// `X ← X M` in place for `M` with at most as many columns as rows; the block then has `M`'s columns.
-pub fn replace_by_product(x: &mut Block<f32>, m: MatRef<'_, f64>) {
+///
+/// # Errors
+/// [`Canceled`].
+pub fn replace_by_product(
+    x: &mut Block<f32>,
+    m: MatRef<'_, f64>,
+    progress: &Progress,
+) -> Result<(), Canceled> {
     let (before, after) = (x.columns(), m.ncols());
     x.for_each_stretch(|_, rows, width| {
         let (mut own, mut product) = (vec![0.0; CHUNK_ROWS * before], vec![0.0; CHUNK_ROWS * after]);
         for rows in rows.chunks_mut(CHUNK_ROWS * width) {
+            if progress.is_canceled() {
+                return;
+            }
             let count = rows.len() / width;
             let (own, product) = (&mut own[..count * before], &mut product[..count * after]);
             for (own, row) in own.chunks_exact_mut(before).zip(rows.chunks(width)) {
@@ -129,6 +139,7 @@ pub fn replace_by_product(x: &mut Block<f32>, m: MatRef<'_, f64>) {
         }
     });
     x.set_columns(after);
+    progress.checkpoint()
 }
 
 #[cfg(test)]
@@ -174,7 +185,7 @@ mod tests {
         let mut plain = Block::<f64>::zeros(n, m);
         plain.copy_columns(0, &single, 0, m);
         replace_in_double(&mut plain, change.as_ref());
-        replace_by_product(&mut single, change.as_ref());
+        replace_by_product(&mut single, change.as_ref(), &Progress::new()).unwrap();
         assert_eq!(single.columns(), 4);
         assert!((0..n).all(|i| single.row(i).iter().zip(plain.row(i)).all(|(s, p)| *s == *p as f32)));
     }
