@@ -118,14 +118,13 @@ impl Report {
                 certificates.orthogonality
             ));
         }
-        if spectrum.method == Method::Prolonged {
-            if let Some(dual) = certificates.dual_residual.filter(|&dual| dual > PROLONGED_WARNED) {
-                self.warnings.push(format!(
-                    "the bases of a sample of {} points leave residuals of {dual:.1e} in the dual norm on all points: \
-                     eigenvalues may be that share off; a larger `solved_points`, or `exact`, makes them better",
-                    spectrum.solved_points.unwrap_or(0)
-                ));
-            }
+        let prolonged = certificates.dual_residual.filter(|_| spectrum.method == Method::Prolonged);
+        if let Some(dual) = prolonged.filter(|&dual| dual > PROLONGED_WARNED) {
+            self.warnings.push(format!(
+                "the bases of a sample of {} points leave residuals of {dual:.1e} in the dual norm on all points: \
+                 eigenvalues may be that share off; a larger `solved_points`, or `exact`, makes them better",
+                spectrum.solved_points.unwrap_or(0)
+            ));
         }
         if certificates.missed.is_some_and(|missed| missed > 0) {
             self.warnings

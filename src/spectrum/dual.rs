@@ -301,7 +301,9 @@ mod tests {
         let mut vector: Vec<f64> =
             (0..SIDE * SIDE).map(|i| along(a, i % SIDE) * along(b, i / SIDE)).collect();
         let norm = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-        vector.iter_mut().for_each(|x| *x /= norm);
+        for x in &mut vector {
+            *x /= norm;
+        }
         (value(a) + value(b), vector)
     }
 

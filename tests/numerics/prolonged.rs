@@ -34,7 +34,8 @@ fn rows_keep_their_points_whatever_was_solved() {
             assert_eq!(other.len(), n + 11);
             assert!(other[n + 10].is_nan() && (0..10).all(|i| other[n + i] == other[70 + i]));
             let along: f64 = (0..n).map(|i| mass[i] * one[i] * other[i]).sum();
-            assert!((along.abs() - 1.0).abs() < 1e-2, "{operator:?} {j}: {along}");
+            // the seven of the sphere's next degree go on beyond the last of these
+            assert!(j >= 9 || (along.abs() - 1.0).abs() < 1e-2, "{operator:?} {j}: {along}");
             assert_eq!(found.basis_in(j, 5..40), other[5..40]);
         }
     }
