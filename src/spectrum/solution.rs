@@ -18,7 +18,7 @@ pub struct Spectrum {
     /// information (tμ ≥ 1) is absent (null).
     pub eigenvalues: Vec<Option<f64>>,
     /// Relative error to expect of every eigenvalue, from the size of the cells, the walls that points see differently, and
-    /// the rims where its mode lives: an estimate, no bound. Absent for operators that triangulate no surface.
+    /// the rims where its mode lives: an estimate, no bound. Present for `voronoi` and `pb-mhb` on surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expected_errors: Option<Vec<f64>>,
     /// μ in 1/length², ascending: the eigenvalues of the matrix pencil.
