@@ -4,6 +4,7 @@ mod admission;
 mod assembly;
 mod durations;
 mod error;
+mod expected;
 mod fidelity;
 mod laplacian;
 mod memory;
@@ -25,6 +26,7 @@ pub use result::{Analysis, SparseMatrix};
 
 use admission::{Bases, check_cells, triangles};
 use assembly::{Assembled, Surface, assemble};
+use expected::Doubts;
 use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
 
@@ -131,10 +133,12 @@ pub fn analyze_by(
     };
     warnings.splice(0..0, cloud.notes().iter().cloned());
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
-    drop((tree, nearest, surveyed, triangles));
+    drop((tree, nearest, triangles));
     progress.checkpoint()?;
     let (operator, place) =
         without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
+    let known = |i: usize| Some(place[i]).filter(|&place| place != NO_PLACE);
+    let doubts = surveyed.and_then(|surveyed| Doubts::of(&surveyed, &cells, parameters.operator, known));
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
     let Connected { laplacian, components, .. } = &operator;
@@ -170,7 +174,8 @@ pub fn analyze_by(
             progress.checkpoint()?;
             let active: Vec<u32> =
                 (0..points.len() as u32).filter(|&i| place[i as usize] != NO_PLACE).collect();
-            let eigenbasis = eigenpairs(&points, &active, operator, parameters, &mut report, progress)?;
+            let eigenbasis =
+                eigenpairs(&points, &active, operator, doubts, parameters, &mut report, progress)?;
             (None, Some(eigenbasis))
         }
     };
@@ -182,6 +187,7 @@ fn eigenpairs(
     points: &Points,
     active: &[u32],
     operator: Connected,
+    doubts: Option<Doubts>,
     parameters: &Parameters,
     report: &mut Report,
     progress: &Progress,
@@ -235,15 +241,26 @@ fn eigenpairs(
     let mut imaginary = solution.imaginary.clone();
     imaginary.resize(raw.len(), 0.0);
     let corrected = heat_kernel.filter(|_| report.additions.heat_correction);
-    let mut eigenvalues: Vec<Option<f64>> = Vec::with_capacity(raw.len());
-    for (&mu, b) in raw.iter().zip(&mut imaginary) {
-        let (lambda, part) = corrected.map_or((mu, *b), |kernel| kernel.corrected_complex(mu, *b));
-        eigenvalues.push(Some(lambda).filter(|x| x.is_finite()));
-        *b = part;
+    let lambdas: Vec<f64> = raw
+        .iter()
+        .zip(&mut imaginary)
+        .map(|(&mu, b)| {
+            let (lambda, part) = corrected.map_or((mu, *b), |kernel| kernel.corrected_complex(mu, *b));
+            *b = part;
+            lambda
+        })
+        .collect();
+    let row = |i: usize| solution.pairs.vectors.row(i);
+    let expected = |doubts: Doubts| doubts.expected(&lambdas, &problem.root_mass, row, progress);
+    let expected_errors = doubts.map(expected).transpose()?;
+    if let (Some(fidelity), Some(errors)) = (&mut report.fidelity, &expected_errors) {
+        fidelity.expect(errors);
     }
+    let eigenvalues = lambdas.into_iter().map(|lambda| Some(lambda).filter(|x| x.is_finite())).collect();
     report.spectrum = Some(Spectrum {
         eigenvalues,
         clusters: certificates::clusters(&raw, problem.shift),
+        expected_errors,
         raw_eigenvalues: raw,
         imaginary_parts: (structure == Structure::General).then_some(imaginary),
         residuals: solution.residuals,
