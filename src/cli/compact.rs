@@ -19,8 +19,7 @@ pub(crate) struct CompactArgs {
 /// [`Failure`]: no database there, one that is served, or a full disk; the file is as it was then.
 #[allow(clippy::print_stdout)] // tells what was done
 pub(crate) fn run(args: &CompactArgs) -> Result<(), Failure> {
-    let database =
-        args.database.file("a PostgreSQL server looks after its space itself, by autovacuum")?;
+    let database = args.database.file("a PostgreSQL server looks after its space itself, by autovacuum")?;
     let size = || std::fs::metadata(database).map(|file| file.len()).map_err(Failure::other);
     let before = size()?;
     block_on(compact(database))?;

@@ -3,8 +3,8 @@
 use faer::Mat;
 
 use super::inverse::Inverse;
-use super::preconditioner::Preconditioner;
 use super::orthogonal::eigen;
+use super::preconditioner::Preconditioner;
 use super::vectors::block::{Block, column_products};
 use super::vectors::sparse_product::sparse_product;
 use super::vectors::start;

@@ -3,8 +3,8 @@
 use super::certificates::MissedCheck;
 use super::factor::Symbolic;
 use super::general::GeneralPairs;
-use super::preconditioner::Preconditioner;
 use super::narrow::{guarded, narrow_vectors};
+use super::preconditioner::Preconditioner;
 use super::solution::{Method, Request, Solution, certified};
 use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError, dense, invariant};

@@ -3,8 +3,8 @@
 use faer::Mat;
 
 use super::factor::Cholesky;
-use super::preconditioner::Preconditioner;
 use super::orthogonal::{eigen, orthonormalize};
+use super::preconditioner::Preconditioner;
 use super::vectors::block::{Block, add_product, gram};
 use super::vectors::sparse_product::sparse_product;
 use super::vectors::start;

@@ -59,7 +59,11 @@ impl Residuals {
 
 impl TrialSpace {
     /// The span of the start vectors, with room for P and W.
-    pub(super) fn new(problem: &Problem, mut start: Block, progress: &Progress) -> Result<Self, SpectrumError> {
+    pub(super) fn new(
+        problem: &Problem,
+        mut start: Block,
+        progress: &Progress,
+    ) -> Result<Self, SpectrumError> {
         let n = problem.size();
         orthonormalize(&mut start, &Block::<f64>::zeros(n, 0), progress)?;
         let columns = start.columns();

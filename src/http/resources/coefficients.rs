@@ -219,8 +219,7 @@ pub(crate) async fn synthesis(
     let (given, reservation) = functions::receive(&request.service, body).await?;
     check_coefficients(&given, &Modes::of(&eigen.1))?;
     let columns = given.len();
-    let Harmonics { job, bases, reservation, .. } =
-        request.harmonics_of(eigen, reservation, columns).await?;
+    let Harmonics { job, bases, reservation, .. } = request.harmonics_of(eigen, reservation, columns).await?;
     request.forget_conditions();
     let names: Vec<String> = given.iter().map(|function| function.name.clone()).collect();
     let head = Map::from_iter([

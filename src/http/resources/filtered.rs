@@ -9,8 +9,8 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::arguments::{arguments, groups};
-use crate::cloud::writer::PlyEncoding;
 use crate::cloud::PointCloud;
+use crate::cloud::writer::PlyEncoding;
 use crate::harmonics::collapse::collapse;
 use crate::harmonics::filtered::rows as rows_of;
 use crate::harmonics::filtered::{Change, Named, Target};

@@ -9,8 +9,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::arguments::groups;
-use crate::cloud::writer::{PlyEncoding, encode_rows, ply_columns, ply_properties};
 use crate::cloud::PointCloud;
+use crate::cloud::writer::{PlyEncoding, encode_rows, ply_columns, ply_properties};
 use crate::http::notation::parse_id;
 use crate::http::results::cloud_file::{self, Ply, Rows, Unplaced};
 use crate::http::results::offered::{ArrayType, Offered, Resource, Typed, offered};

@@ -51,7 +51,8 @@ pub(crate) struct Signatures {
     )
 )]
 pub(crate) async fn signatures(request: ResultRequest<SignatureRequest>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, reservation } = request.harmonics_per_row(request.arguments.count).await?;
+    let Harmonics { job, modes, bases, reservation } =
+        request.harmonics_per_row(request.arguments.count).await?;
     let SignatureRequest { kind, count, scaled } = request.arguments;
     let signature = Signature::of(request.arguments, &modes).ok_or_else(|| no_scale(modes.len()))?;
     let per_row = PerRow {
