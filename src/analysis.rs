@@ -250,7 +250,7 @@ fn eigenpairs(
             lambda
         })
         .collect();
-    let row = |i: usize| solution.pairs.vectors.row(i);
+    let row = |i: usize, y: &mut [f64]| solution.vectors.write_row(i, problem.root_mass[i], y);
     let expected = |doubts: Doubts| doubts.expected(&lambdas, &problem.root_mass, row, progress);
     let expected_errors = doubts.map(expected).transpose()?;
     if let (Some(fidelity), Some(errors)) = (&mut report.fidelity, &expected_errors) {

@@ -92,54 +92,42 @@ impl Doubts {
         })
     }
 
-    /// Relative error to expect of each eigenvalue. `row(i)` are the modes at point `i` times the root of its mass, of norm 1
-    /// over all points.
+    /// Relative error to expect of each eigenvalue. `row(i, y)` writes the modes at point `i` times the root of its mass, of
+    /// norm 1 over all points.
     ///
     /// # Errors
     /// [`Canceled`].
-    pub(super) fn expected<'a>(
+    pub(super) fn expected(
         &self,
         eigenvalues: &[f64],
         root_mass: &[f64],
-        row: impl Fn(usize) -> &'a [f64] + Sync,
+        row: impl Fn(usize, &mut [f64]) + Sync,
         progress: &Progress,
     ) -> Result<Vec<f64>, Canceled> {
         let modes = eigenvalues.len();
-        let sums = |count: usize, of: &(dyn Fn(usize, &mut [f64]) + Sync)| {
-            let parts: Vec<Vec<f64>> = (0..count.div_ceil(PART))
-                .into_par_iter()
-                .map(|part| {
-                    let mut sum = vec![0.0; modes];
-                    let rows = part * PART..count.min((part + 1) * PART);
-                    rows.take_while(|_| !progress.is_canceled()).for_each(|k| of(k, &mut sum));
-                    sum
-                })
-                .collect();
-            progress.checkpoint()?;
-            Ok::<Vec<f64>, Canceled>(parts.into_iter().fold(vec![0.0; modes], |mut all, part| {
-                all.iter_mut().zip(part).for_each(|(all, part)| *all += part);
-                all
-            }))
-        };
-        let area = sums(root_mass.len(), &|i, sum| {
-            let mass = root_mass[i] * root_mass[i];
-            sum.iter_mut().zip(row(i)).for_each(|(sum, y)| *sum += y * y * mass);
-        })?;
-        let radius = sums(root_mass.len(), &|i, sum| {
-            sum.iter_mut().zip(row(i)).for_each(|(sum, y)| *sum += y * y * self.radius[i]);
-        })?;
-        let rim = sums(root_mass.len(), &|i, sum| {
-            if self.rim[i] {
-                sum.iter_mut().zip(row(i)).for_each(|(sum, y)| *sum += y * y);
+        let at_points = sums(root_mass.len(), [3 * modes, modes], progress, |i, sums, y| {
+            row(i, y);
+            let (area, others) = sums.split_at_mut(modes);
+            let (radius, rim) = others.split_at_mut(modes);
+            let (mass, on_rim) = (root_mass[i] * root_mass[i], f64::from(u8::from(self.rim[i])));
+            for (mode, y) in y.iter().enumerate() {
+                let square = y * y;
+                area[mode] += square * mass;
+                radius[mode] += square * self.radius[i];
+                rim[mode] += square * on_rim;
             }
         })?;
-        let apart = sums(self.apart.len(), &|k, sum| {
+        let (area, others) = at_points.split_at(modes);
+        let (radius, rim) = others.split_at(modes);
+        let apart = sums(self.apart.len(), [modes, 2 * modes], progress, |k, sums, ends| {
             let ([p, q], wall) = self.apart[k];
             let (p, q) = (p as usize, q as usize);
-            let ends = row(p).iter().zip(row(q));
-            sum.iter_mut().zip(ends).for_each(|(sum, (a, b))| {
+            let (a, b) = ends.split_at_mut(modes);
+            row(p, a);
+            row(q, b);
+            for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b.iter())) {
                 *sum += wall * (a / root_mass[p] - b / root_mass[q]).powi(2);
-            });
+            }
         })?;
         let errors = (0..modes)
             .map(|mode| {
@@ -158,6 +146,28 @@ impl Doubts {
             .collect();
         Ok(errors)
     }
+}
+
+/// Sums over `0..count` of what `add` adds for each of it, as many as `lengths` says first; it also lends so many numbers to work
+/// with.
+fn sums(
+    count: usize,
+    [length, working]: [usize; 2],
+    progress: &Progress,
+    add: impl Fn(usize, &mut [f64], &mut [f64]) + Sync,
+) -> Result<Vec<f64>, Canceled> {
+    let of_part = |part: usize| {
+        let (mut sums, mut numbers) = (vec![0.0; length], vec![0.0; working]);
+        let places = part * PART..count.min((part + 1) * PART);
+        places.take_while(|_| !progress.is_canceled()).for_each(|k| add(k, &mut sums, &mut numbers));
+        sums
+    };
+    let parts: Vec<Vec<f64>> = (0..count.div_ceil(PART)).into_par_iter().map(of_part).collect();
+    progress.checkpoint()?;
+    Ok(parts.into_iter().fold(vec![0.0; length], |mut all, part| {
+        all.iter_mut().zip(part).for_each(|(all, part)| *all += part);
+        all
+    }))
 }
 
 #[cfg(test)]
@@ -214,7 +224,8 @@ mod tests {
         // the constant, one that changes across the disputed wall, one on the rim
         let rows = [[0.5, 0.6, 0.0], [0.5, -0.6, 0.0], [0.5, 0.2, 0.6], [0.5, 0.1, 0.8]];
         let expected = |opened: f64| {
-            doubts(opened).expected(&[0.0, 0.4, 0.8], &root_mass, |i| &rows[i], &Progress::new()).unwrap()
+            let row = |i: usize, y: &mut [f64]| y.copy_from_slice(&rows[i]);
+            doubts(opened).expected(&[0.0, 0.4, 0.8], &root_mass, row, &Progress::new()).unwrap()
         };
         let squares = |mode: usize| rows.iter().map(|row| row[mode] * row[mode]).sum::<f64>();
         let [constant, across, rim] = expected(1.0)[..] else { panic!("three modes") };

@@ -103,6 +103,18 @@ pub enum Vectors {
     Single(Block<f32>),
 }
 
+impl Vectors {
+    /// Writes the eigenvectors at point `i`, the root of whose mass is given.
+    pub fn write_row(&self, i: usize, root_mass: f64, out: &mut [f64]) {
+        match self {
+            Self::Double(vectors) => out.copy_from_slice(vectors.row(i)),
+            Self::Single(functions) => {
+                out.iter_mut().zip(functions.row(i)).for_each(|(out, &h)| *out = root_mass * f64::from(h));
+            }
+        }
+    }
+}
+
 /// Eigenpairs with their certificates.
 pub struct Solution {
     /// μ, or its real part.
