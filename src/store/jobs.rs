@@ -191,8 +191,7 @@ impl Store {
             basis_chunk_points(parameters.bases)
         };
         let bytes = result_bytes(cloud.points, kind, parameters.bases);
-        // Fields in the order of their declaration, numbers in their shortest form: equal parameters, equal text.
-        let (kind, parameters) = (word(&kind)?, to_json(parameters)?);
+        let (kind, parameters) = (word(&kind)?, text_of(parameters)?);
         if let Some(job) = same_job(connection, cloud.id, &kind, &parameters).await? {
             return Ok((job, false));
         }
@@ -282,6 +281,19 @@ impl Store {
 }
 
 /// The job that does this analysis, unless it failed or is being canceled.
+/// Parameters as they stand in a row: fields in the order of their declaration, numbers in their shortest form, so that equal
+/// parameters are equal text.
+///
+/// What came after the first version is left out where it is not used. The same analysis is the same in databases of all
+/// versions, and nodes of an older one, which refuse fields that they do not know, read it.
+fn text_of(parameters: &Parameters) -> Result<String, StoreError> {
+    let mut text = to_json(parameters)?;
+    for unused in [r#""exact":false,"#, r#""solved_points":null,"#] {
+        text = text.replace(unused, "");
+    }
+    Ok(text)
+}
+
 async fn same_job(
     connection: &mut Connection,
     cloud: Uuid,
@@ -318,4 +330,23 @@ fn result_bytes(points: u64, kind: JobKind, bases: usize) -> u64 {
         JobKind::Operator => 8 + 8 + 12 * ENTRIES_PER_ROW,
     };
     points.saturating_mul(per_point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_are_the_text_of_the_first_version_unless_they_use_what_came_later() {
+        let first = r#"{"operator":"pb-mhb","dimension":2,"bases":100,"tolerance":0.0001,"t":null,"t_factor":null,"delta":null,"delta_factor":null,"epsilon":null,"distance":null,"parameterization":null,"paper":false,"isometric_cells":null,"truncation_compensation":null,"sheet_aware":null,"surface_distances":null,"moment_calibration":null,"heat_correction":null}"#;
+        assert_eq!(text_of(&Parameters::default()).unwrap(), first);
+        for used in [
+            Parameters::default(),
+            Parameters { exact: true, ..Parameters::default() },
+            Parameters { solved_points: Some(5_000), ..Parameters::default() },
+        ] {
+            let read: Parameters = serde_json::from_str(&text_of(&used).unwrap()).unwrap();
+            assert_eq!(read, used);
+        }
+    }
 }
