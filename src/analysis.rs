@@ -4,6 +4,7 @@ mod admission;
 mod assembly;
 mod durations;
 mod error;
+mod expected;
 mod fidelity;
 mod laplacian;
 mod memory;
@@ -25,6 +26,7 @@ pub use result::{Analysis, SparseMatrix};
 
 use admission::{Bases, check_cells, triangles};
 use assembly::{Assembled, Surface, assemble};
+use expected::Doubts;
 use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
 
@@ -33,6 +35,7 @@ use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::{Rules, Survey};
 use crate::geometry::{Components, Frames, Points, Sampling, cells, components, frames};
+use crate::operator::bandwidth;
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::{Eigenbasis, Problem, Request, Spectrum, Weyl, certificates, solve};
@@ -128,10 +131,12 @@ pub fn analyze_by(
     };
     warnings.splice(0..0, cloud.notes().iter().cloned());
     let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
-    drop((tree, nearest, surveyed, triangles));
+    drop((tree, nearest, triangles));
     progress.checkpoint()?;
     let (operator, place) =
         without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
+    let known = |i: usize| Some(place[i]).filter(|&place| place != NO_PLACE);
+    let doubts = surveyed.map(|surveyed| Doubts::of(&surveyed, &cells, known));
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
     let Connected { laplacian, components, .. } = &operator;
@@ -150,7 +155,7 @@ pub fn analyze_by(
         components: components.size.len(),
         sampling,
         heat_kernel: laplacian.heat_kernel,
-        additions,
+        additions: parameters.additions(),
         nonzeros: laplacian.stiffness.nonzeros(),
         neighbors: laplacian.stiffness.nonzeros() as f64 / used as f64 - 1.0,
         warnings,
@@ -167,7 +172,7 @@ pub fn analyze_by(
             progress.checkpoint()?;
             let active: Vec<u32> =
                 (0..points.len() as u32).filter(|&i| place[i as usize] != NO_PLACE).collect();
-            let eigenbasis = eigenpairs(&points, &active, operator, parameters, &mut report, progress)?;
+            let eigenbasis = eigenpairs(&points, &active, operator, doubts, parameters, &mut report, progress)?;
             (None, Some(eigenbasis))
         }
     };
@@ -179,6 +184,7 @@ fn eigenpairs(
     points: &Points,
     active: &[u32],
     operator: Connected,
+    doubts: Option<Doubts>,
     parameters: &Parameters,
     report: &mut Report,
     progress: &Progress,
@@ -187,6 +193,7 @@ fn eigenpairs(
     report.warnings.extend(count.warning());
     let Connected { laplacian, narrow, components } = operator;
     let (heat_kernel, plateau, structure) = (laplacian.heat_kernel, laplacian.plateau, laplacian.structure);
+    let times = laplacian.times.clone();
     let problem = Problem::with_components(laplacian, components, first_eigenvalue(report, plateau));
     let narrow = narrow.map(|mut matrix| {
         let inverse: Vec<f64> = problem.root_mass.iter().map(|m| 1.0 / m).collect();
@@ -222,15 +229,33 @@ fn eigenpairs(
     let mut imaginary = solution.pairs.imaginary.clone();
     imaginary.resize(raw.len(), 0.0);
     let corrected = heat_kernel.filter(|_| report.additions.heat_correction);
-    let mut eigenvalues: Vec<Option<f64>> = Vec::with_capacity(raw.len());
-    for (&mu, b) in raw.iter().zip(&mut imaginary) {
-        let (lambda, part) = corrected.map_or((mu, *b), |kernel| kernel.corrected_complex(mu, *b));
-        eigenvalues.push(Some(lambda).filter(|x| x.is_finite()));
-        *b = part;
+    let lambdas: Vec<f64> = match (times, corrected) {
+        (Some(times), Some(_)) => {
+            let mut lambdas = bandwidth::corrected(&times, &raw, |i| solution.pairs.vectors.row(i));
+            // where times differ the order of μ need not be that of λ
+            lambdas.sort_unstable_by(f64::total_cmp);
+            lambdas
+        }
+        (_, corrected) => raw
+            .iter()
+            .zip(&mut imaginary)
+            .map(|(&mu, b)| {
+                let (lambda, part) = corrected.map_or((mu, *b), |kernel| kernel.corrected_complex(mu, *b));
+                *b = part;
+                lambda
+            })
+            .collect(),
+    };
+    let expected_errors =
+        doubts.map(|doubts| doubts.expected(&lambdas, &problem.root_mass, |i| solution.pairs.vectors.row(i)));
+    if let (Some(fidelity), Some(errors)) = (&mut report.fidelity, &expected_errors) {
+        fidelity.expect(errors, &mut report.warnings);
     }
+    let eigenvalues = lambdas.into_iter().map(|lambda| Some(lambda).filter(|x| x.is_finite())).collect();
     report.spectrum = Some(Spectrum {
         eigenvalues,
         clusters: certificates::clusters(&raw, problem.shift),
+        expected_errors,
         raw_eigenvalues: raw,
         imaginary_parts: (structure == Structure::General).then_some(imaginary),
         residuals: solution.residuals,

@@ -36,5 +36,7 @@ class Parameters(TypedDict, total=False):
     """Measure distances in the kernel of `pb-mhb` along the surface."""
     moment_calibration: bool
     """Scale the kernel of `pb-mhb` so that its second moment is right around every point."""
+    local_bandwidth: bool
+    """Let t and δ of `pb-mhb` follow the local spacing, with t their mean; off by default."""
     heat_correction: bool
     """Report λ = −ln(1−tμ)/t beside the μ of the matrices."""

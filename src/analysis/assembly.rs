@@ -4,12 +4,13 @@ use super::memory::memory_with_entries;
 use super::{AnalysisError, Parameters};
 use crate::geometry::orientation::Orientation;
 use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
+use crate::operator::bandwidth::Bandwidth;
 use crate::operator::pb_mhb::Coupling;
 use crate::operator::pcd::Planes;
 use crate::operator::sheets::Sheets;
 use crate::operator::unfolding::Atlas;
 use crate::operator::{
-    HeatKernel, LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd,
+    LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd,
     voronoi,
 };
 use crate::progress::Progress;
@@ -63,14 +64,14 @@ pub(super) fn assemble(
             // simplices count within half of what is triangulated
             (kernel, if parameters.operator.is_pcd() { 0.5 * kernel.delta } else { kernel.delta })
         };
-        check_coupling(points, tree, kernel.delta, reach, parameters, progress).map(|()| kernel)
+        check_coupling(points, tree, kernel.delta, |_| reach, parameters, progress).map(|()| kernel)
     };
     let volumes = || cells.volume.clone();
     let (laplacian, narrow) = match parameters.operator {
         OperatorKind::Voronoi => (LaplaceBeltrami::narrow(walls, volumes()), None),
         OperatorKind::Cotangent => (cotangent::build(points, triangles, progress)?, None),
         OperatorKind::PbMhb => {
-            (pb_mhb(surface, frames, &walls, kernel()?, parameters, warnings, progress)?, Some(walls))
+            (pb_mhb(surface, frames, &walls, parameters, warnings, progress)?, Some(walls))
         }
         OperatorKind::Mesh => {
             let narrow = cotangent::stiffness(points, triangles, progress)?;
@@ -95,7 +96,7 @@ pub(super) fn assemble(
         }
         kind @ (OperatorKind::Graph | OperatorKind::Kirchhoff | OperatorKind::Tutte) => {
             let delta = parameters.edge_length(sampling.epsilon);
-            check_coupling(points, tree, delta, delta, parameters, progress)?;
+            check_coupling(points, tree, delta, |_| delta, parameters, progress)?;
             let graph = graph::build(kind, points, tree, &walls, delta, progress)?;
             (graph.laplacian, Some(graph.narrow))
         }
@@ -138,13 +139,19 @@ fn pb_mhb(
     surface: &Surface<'_>,
     frames: Frames,
     walls: &Sparse,
-    kernel: HeatKernel,
     parameters: &Parameters,
     warnings: &mut Vec<String>,
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, AnalysisError> {
-    let Surface { points, tree, cells, stars, .. } = *surface;
+    let Surface { points, tree, cells, stars, sampling, .. } = *surface;
     let additions = parameters.additions();
+    let bandwidth = if additions.local_bandwidth {
+        Bandwidth::of_cells(cells, walls, parameters.dimension)
+    } else {
+        Bandwidth::even(points.len(), sampling.epsilon)
+    };
+    let kernel = parameters.heat_kernel(parameters.epsilon.unwrap_or(bandwidth.epsilon()));
+    check_coupling(points, tree, kernel.delta, |i| bandwidth.reach(kernel, i), parameters, progress)?;
     let stars = stars.filter(|_| additions.surface_distances);
     let sheets =
         (additions.sheet_aware || stars.is_some()).then(|| oriented(surface, frames, walls, warnings));
@@ -156,7 +163,7 @@ fn pb_mhb(
         (None, Some(sheets)) => Coupling::Sheet(sheets),
         (None, None) => Coupling::Ball,
     };
-    Ok(pb_mhb::build(points, tree, cells, &coupling, kernel, additions.moment_calibration, progress)?)
+    Ok(pb_mhb::build(points, tree, cells, &coupling, kernel, &bandwidth, additions.moment_calibration, progress)?)
 }
 
 /// `D A D` with the diagonal `scale`.
@@ -166,12 +173,12 @@ fn scaled(mut matrix: Sparse, scale: impl Fn(usize) -> f64) -> Sparse {
     matrix
 }
 
-/// Refuses a δ that would couple everything with everything, within `reach` of it, and one whose matrix has no room.
+/// Refuses a δ that would couple everything with everything, within `reach` of each, and one whose matrix has no room.
 fn check_coupling(
     points: &Points,
     tree: &SearchTree,
     delta: f64,
-    reach: f64,
+    reach: impl Fn(usize) -> f64,
     parameters: &Parameters,
     progress: &Progress,
 ) -> Result<(), AnalysisError> {
@@ -179,7 +186,7 @@ fn check_coupling(
     let mut neighbors = Vec::new();
     let (mut counted, mut found) = (0, 0);
     for i in (0..points.len()).step_by(stride) {
-        tree.within(points, i, reach, &mut neighbors);
+        tree.within(points, i, reach(i), &mut neighbors);
         counted += 1;
         found += neighbors.len();
     }

@@ -93,6 +93,8 @@ arguments! {
         surface_distances: Option<bool> = switch, absent "not paper";
         /// Scale the kernel of `pb-mhb` so that its second moment is right around every point.
         moment_calibration: Option<bool> = switch, absent "not paper";
+        /// Let t and δ of `pb-mhb` follow the local spacing, with t their mean; needs `moment_calibration`.
+        local_bandwidth: bool = switch, default false;
         /// Report λ = −ln(1−tμ)/t as eigenvalues, beside the raw μ of the matrices.
         heat_correction: Option<bool> = switch, absent "not paper";
     }
@@ -173,12 +175,14 @@ impl Parameters {
         let measures_cells = !self.operator.needs_faces();
         let isometric_cells = on(self.isometric_cells, measures_cells);
         let unfolds = isometric_cells && self.operator == PbMhb && self.dimension == 2;
+        let calibrates = on(self.moment_calibration, self.operator == PbMhb);
         Additions {
             isometric_cells,
             truncation_compensation: on(self.truncation_compensation, matches!(self.operator, PbMhb | Mesh)),
             sheet_aware: on(self.sheet_aware, measures_cells),
             surface_distances: on(self.surface_distances, unfolds),
-            moment_calibration: on(self.moment_calibration, self.operator == PbMhb),
+            moment_calibration: calibrates,
+            local_bandwidth: calibrates && self.local_bandwidth,
             heat_correction: on(self.heat_correction, self.operator.is_heat_kernel()),
         }
     }
@@ -276,6 +280,9 @@ pub struct Additions {
     /// Scale the kernel so that its second moment is right around every point.
     #[serde(default)]
     pub moment_calibration: bool,
+    /// t and δ follow the local spacing.
+    #[serde(default)]
+    pub local_bandwidth: bool,
     /// Report λ = −ln(1−tμ)/t beside the raw μ.
     pub heat_correction: bool,
 }

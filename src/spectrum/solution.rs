@@ -17,6 +17,10 @@ pub struct Spectrum {
     /// λ in 1/length² (of graph operators without unit), ascending, heat-corrected where the operator is a heat kernel. A value that carries no
     /// information (tμ ≥ 1) is absent (null).
     pub eigenvalues: Vec<Option<f64>>,
+    /// Relative error to expect of every eigenvalue, from the size of the cells, the walls that points see differently, and
+    /// the rims where its mode lives: an estimate, no bound. Absent for operators that triangulate no surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expected_errors: Option<Vec<f64>>,
     /// μ in 1/length², ascending: the eigenvalues of the matrix pencil.
     pub raw_eigenvalues: Vec<f64>,
     /// Imaginary parts of λ, present for an operator whose eigenvalues need not be real; `eigenvalues` and
