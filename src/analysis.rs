@@ -14,7 +14,7 @@ mod report;
 mod result;
 mod unit;
 
-pub use admission::{admit, admit_lowered};
+pub use admission::{Examined, admit};
 pub use error::AnalysisError;
 pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;
@@ -138,7 +138,12 @@ pub fn analyze_by(
     let (operator, place) =
         without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
     let known = |i: usize| Some(place[i]).filter(|&place| place != NO_PLACE);
-    let doubts = surveyed.and_then(|surveyed| Doubts::of(&surveyed, &cells, parameters.operator, known));
+    let doubts = match surveyed {
+        Some(surveyed) if kind == JobKind::Eigen => {
+            Doubts::of(&surveyed, &cells, parameters.operator, known, progress)?
+        }
+        _ => None,
+    };
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
     let Connected { laplacian, components, .. } = &operator;
@@ -213,7 +218,7 @@ fn eigenpairs(
             t: heat_kernel.map(|kernel| kernel.t),
         }),
         plateau,
-        solved_max: parameters.solved_points.filter(|_| !parameters.exact).unwrap_or(usize::MAX),
+        solved_max: parameters.solved_points.unwrap_or(usize::MAX),
         saturates: heat_kernel.is_some(),
     };
     let stored = problem.matrix.nonzeros() + narrow.as_ref().map_or(0, Sparse::nonzeros);

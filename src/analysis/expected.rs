@@ -55,19 +55,26 @@ pub(super) struct Doubts {
 impl Doubts {
     /// Of a triangulated surface and its cells, for the operators that are made of these; `place` says which point of the
     /// operator a cell is, if any.
+    ///
+    /// # Errors
+    /// [`Canceled`].
     pub(super) fn of(
         surveyed: &Surveyed,
         cells: &Cells,
         operator: OperatorKind,
         place: impl Fn(usize) -> Option<u32>,
-    ) -> Option<Self> {
+        progress: &Progress,
+    ) -> Result<Option<Self>, Canceled> {
         let least = match operator {
             OperatorKind::Voronoi => 0.0,
             OperatorKind::PbMhb => KERNEL,
-            _ => return None,
+            _ => return Ok(None),
         };
         let mut apart = Vec::new();
         for (p, walls) in cells.conductance.iter().enumerate() {
+            if p.is_multiple_of(PART) {
+                progress.checkpoint()?;
+            }
             for &(q, wall) in walls {
                 let back = &cells.conductance[q as usize];
                 let found = back.binary_search_by_key(&(p as u32), |&(r, _)| r);
@@ -82,14 +89,14 @@ impl Doubts {
             }
         }
         let kept: Vec<usize> = (0..cells.kind.len()).filter(|&i| place(i).is_some()).collect();
-        Some(Self {
+        Ok(Some(Self {
             apart,
             radius: kept.iter().map(|&i| cells.radius[i] * cells.radius[i]).collect(),
             rim: kept.iter().map(|&i| cells.kind[i] != CellKind::Closed).collect(),
             stretch: surveyed.stretch,
             opened: surveyed.opened,
             least,
-        })
+        }))
     }
 
     /// Relative error to expect of each eigenvalue. `row(i, y)` writes the modes at point `i` times the root of its mass, of
@@ -174,27 +181,15 @@ fn sums(
 mod tests {
     use super::*;
     use crate::analysis::{JobKind, Parameters, analyze};
-    use crate::cloud::{NonFinite, PointCloud};
-
-    /// Fibonacci points on the unit sphere, whose first eigenvalues are l(l+1).
-    fn sphere(n: usize) -> PointCloud {
-        let rows: Vec<f64> = (0..n)
-            .flat_map(|i| {
-                let z = 1.0 - (2 * i + 1) as f64 / n as f64;
-                let (sine, cosine) = (i as f64 * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt())).sin_cos();
-                let r = (1.0 - z * z).sqrt();
-                [r * cosine, r * sine, z]
-            })
-            .collect();
-        PointCloud::new(3, rows, NonFinite::Reject).unwrap()
-    }
+    use crate::cloud::shapes::{SampleRequest, Shape, sample};
 
     #[test]
     fn on_the_sphere_errors_are_as_large_as_expected_and_trust_grows_with_the_points() {
         let parameters = Parameters { operator: OperatorKind::Voronoi, bases: 16, ..Parameters::default() };
         let mut trust = Vec::new();
         for n in [500, 2_000] {
-            let report = analyze(&sphere(n), JobKind::Eigen, &parameters, &Progress::new()).unwrap().report;
+            let sphere = sample(&SampleRequest::new(Shape::Sphere, n)).unwrap();
+            let report = analyze(&sphere, JobKind::Eigen, &parameters, &Progress::new()).unwrap().report;
             let spectrum = report.spectrum.unwrap();
             let expected = spectrum.expected_errors.unwrap();
             for (k, exact) in [2.0; 3].iter().chain(&[6.0; 5]).chain(&[12.0; 7]).enumerate() {

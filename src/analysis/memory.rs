@@ -4,9 +4,9 @@ use super::parameters::SOLVED_LEAST;
 use super::{JobKind, Parameters};
 use crate::operator::OperatorKind;
 use crate::spectrum::dense::is_dense;
-use crate::spectrum::group_width;
 use crate::spectrum::shift_invert::krylov_vectors_at_end;
 use crate::spectrum::slicing::{SLICE, vectors_held};
+use crate::spectrum::{GROUPS_HELD, GUARDS, group_width};
 
 /// Bytes per point of everything that does not grow with bases: the points twice, 20 neighbors, tree, frames, cells.
 const GEOMETRY_BYTES: u64 = 1_100;
@@ -68,8 +68,9 @@ pub fn memory_estimate(
                 if is_narrow { [0, 0] } else { [COUPLED * ENTRY_BYTES, HELD_KERNEL_BYTES] };
             let geometry = points.saturating_mul(GEOMETRY_BYTES + 16 * dimension as u64 + assembled);
             let beside = points.saturating_mul(HELD_BYTES + rows);
-            // three groups of vectors beside the bases
-            let singles = 4 * (parameters.bases + 3 * group_width(points as usize)) as u64;
+            // guards and groups of vectors beside the bases
+            let groups = GROUPS_HELD * group_width(points as usize);
+            let singles = 4 * (parameters.bases + GUARDS + groups) as u64;
             let prolonged = points.saturating_mul(PROLONGED_BYTES + singles).saturating_add(beside);
             let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
             most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
@@ -96,7 +97,7 @@ impl Parameters {
     }
 
     /// The parameters that fit into `budget` bytes: where solving on all points takes more and was not asked for, solving on
-    /// the largest sample of them that leaves room; these same where nothing fits.
+    /// the largest sample of them that leaves room, or the smallest where none does.
     #[must_use]
     pub fn fitted(&self, points: u64, dimension: usize, faces: u64, kind: JobKind, budget: u64) -> Self {
         let estimate = |parameters: &Self| memory_estimate(points, dimension, faces, kind, parameters);
@@ -109,8 +110,14 @@ impl Parameters {
         }
         let least = (SAMPLE_POINTS_PER_BASIS * self.bases as u64).max(SOLVED_LEAST as u64);
         let sizes = THINNED.iter().map(|by| points / by).filter(|&sample| sample >= least);
-        let thinned = sizes.map(|sample| Self { solved_points: Some(sample as usize), ..self.clone() });
-        thinned.into_iter().find(|thinned| estimate(thinned) <= budget).unwrap_or_else(|| self.clone())
+        let mut fitted = self.clone();
+        for sample in sizes {
+            fitted.solved_points = Some(sample as usize);
+            if estimate(&fitted) <= budget {
+                break;
+            }
+        }
+        fitted
     }
 }
 
@@ -258,7 +265,12 @@ mod tests {
         assert_eq!(thinned.solved_points, Some(5_000_000 / 7));
         assert!(memory_estimate(5_000_000, 3, 0, JobKind::Eigen, &thinned) <= 12 << 30);
         assert_eq!(fitted(5_000_000, JobKind::Operator, 12), parameters);
-        assert_eq!(fitted(50_000_000, JobKind::Eigen, 12), parameters, "nothing fits");
+        let smallest = fitted(50_000_000, JobKind::Eigen, 12);
+        assert_eq!(
+            smallest.solved_points,
+            Some(50_000_000 / 343),
+            "nothing fits: what needs the least is refused"
+        );
         for all in [
             Parameters { exact: true, ..parameters.clone() },
             Parameters { dimension: 1, ..parameters.clone() },

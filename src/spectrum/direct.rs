@@ -1,10 +1,10 @@
 //! Operators of which the factor fits: pairs by inverse iteration, counted or probed for what was missed.
 
 use super::certificates::MissedCheck;
-use super::dual::{ByFactor, Improve};
 use super::factor::{Cholesky, Symbolic};
 use super::probe::{Probe, Towards};
 use super::ritz::rayleigh_ritz;
+use super::shifted_system::{ByFactor, NearInverse};
 use super::solution::{Method, Request, Solution, certified, with_null_space};
 use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError, shift_invert, slicing};
@@ -95,7 +95,7 @@ pub(super) fn solve<P>(
         None => symbolic.factor_roughly(&problem.matrix, shift, progress)?,
     };
     let mut inverse = definite.as_ref().map(|factor| ByFactor::new(factor, false));
-    let inverse = inverse.as_mut().map(|inverse| inverse as &mut dyn Improve);
+    let inverse = inverse.as_mut().map(|inverse| inverse as &mut dyn NearInverse);
     certified(problem, pairs, request, Method::ShiftInvert, missed, inverse, progress)
 }
 

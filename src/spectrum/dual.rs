@@ -4,189 +4,20 @@
 //! eigenvectors, `ρ² (μ+σ) = Σ ((λ−μ)/(λ+σ))² (λ+σ) c²` and `Σ (λ+σ) c² = μ+σ`: some eigenvalue λ has
 //! `|λ − μ|/(λ + σ) ≤ ρ`.
 //!
-//! What is reported is a bound of ρ. For any `z`, and `d = r − (A+σ) z`, it is
-//! `‖r‖²_{(A+σ)⁻¹} = zᵀ(r + d) + ‖d‖²_{(A+σ)⁻¹} ≤ zᵀ(r + d) + ‖d‖²/σ`, because nothing of `A` is below 0; `z` need not be
-//! more than nearly a solution.
-
-use rayon::prelude::*;
+//! What is reported is a bound of ρ. Steps `α p` take `2α pᵀd − α² pᵀ(A+σ)p` from `‖d‖²_{(A+σ)⁻¹}`, where d is what is left of r,
+//! and what is left in the end is at most `‖d‖²/σ`, because nothing of `A` is below 0.
 
 use super::Problem;
-use super::factor::Cholesky;
+use super::shifted_system::{NearInverse, Room, System, width};
 use super::vectors::block::Block;
 use super::vectors::pair::rounded_residual;
-use super::vectors::single::added;
-use super::vectors::sparse_product::{Finish, Rows, finished_product};
 use crate::progress::{Canceled, Progress};
 
-/// Improvements of `z` at most; another is made where what is left of `d` is more than a share of the bound's square, and ρ
-/// more than what is as good as nothing.
-const ROUNDS_MAX: usize = 5;
+/// Steps at most; another is made where what is left may be more than a share of the bound's square, and ρ more than what is as
+/// good as nothing.
+const STEPS_MAX: usize = 6;
 const LEFT_MAX: f64 = 0.4;
 const NEGLIGIBLE: f64 = 2e-5;
-
-/// Vectors of a group at most and at least, and numbers of one about which it may have.
-const WIDTHS: [usize; 2] = [16, 32];
-const NUMBERS: usize = 32 << 20;
-
-/// Sweeps of Jacobi's iteration in one improvement, and the part of the spectrum that they are made for, as a share of its
-/// upper end: what a sample of every ninth point knows nothing of.
-const SWEEPS: usize = 3;
-const SWEPT_FROM: f64 = 0.1;
-
-/// Partial sums; a fixed number, so that the result is independent of the threads.
-const PARTIAL_SUMS: usize = 16;
-
-/// Vectors that are worked on together: three groups of them are held.
-#[must_use]
-pub fn width(points: usize) -> usize {
-    (NUMBERS / points.max(1) / 16 * 16).clamp(WIDTHS[0], WIDTHS[1])
-}
-
-/// `A + σI` of a problem in single precision, with what relaxes it.
-pub(super) struct System<'a> {
-    problem: &'a Problem,
-    values: Vec<f32>,
-    /// One over the sum of the sizes of a row's entries, in the scale of the row: `A` times it has its spectrum between
-    /// 0 and 1 (Gershgorin), whatever the entries' signs.
-    relaxation: Vec<f64>,
-}
-
-impl<'a> System<'a> {
-    pub(super) fn new(problem: &'a Problem) -> Self {
-        let (matrix, root) = (&problem.matrix, &problem.root_mass);
-        let sizes = |i: usize| -> f64 {
-            let (columns, values) = matrix.row(i);
-            columns.iter().zip(values).map(|(&j, value)| value.abs() * root[j as usize] / root[i]).sum()
-        };
-        let single = |&value: &f64| value as f32;
-        Self {
-            problem,
-            values: matrix.values().par_iter().with_min_len(1 << 14).map(single).collect(),
-            relaxation: (0..problem.size())
-                .into_par_iter()
-                .with_min_len(1 << 12)
-                .map(|i| 1.0 / sizes(i))
-                .collect(),
-        }
-    }
-
-    fn rows(&self) -> Rows<'_, f32> {
-        let matrix = &self.problem.matrix;
-        Rows { offsets: matrix.offsets(), columns: matrix.columns(), values: &self.values }
-    }
-
-    /// `out ← r − (A + σI) z`.
-    pub(super) fn defect(&self, out: &mut Block<f32>, z: &Block<f32>, r: &Block<f32>) {
-        let columns = r.columns();
-        let right = Finish::Defect(r.columns_from(0, columns));
-        finished_product(out, self.rows(), z.columns_from(0, columns), right);
-        let shift = self.problem.shift as f32;
-        out.for_each_row(|i, row| row.iter_mut().zip(z.row(i)).for_each(|(d, z)| *d -= shift * z));
-    }
-
-    /// Takes what is rough out of the error of `z`, of which `A z = r` is wanted; `other` is used up.
-    pub(super) fn sweep(
-        &self,
-        z: &mut Block<f32>,
-        r: &Block<f32>,
-        other: &mut Block<f32>,
-        progress: &Progress,
-    ) -> Result<(), Canceled> {
-        let columns = r.columns();
-        let mut scale = vec![0.0_f32; self.relaxation.len()];
-        for sweep in 0..SWEEPS {
-            progress.checkpoint()?;
-            let omega = relaxation(SWEPT_FROM, 1.0, sweep, SWEEPS);
-            let scaled = scale.par_iter_mut().zip(&self.relaxation).with_min_len(1 << 12);
-            scaled.for_each(|(scale, relaxation)| *scale = (omega * relaxation) as f32);
-            let finish = Finish::Relaxed(r.columns_from(0, columns), &scale);
-            finished_product(other, self.rows(), z.columns_from(0, columns), finish);
-            std::mem::swap(z, other);
-        }
-        Ok(())
-    }
-}
-
-/// Something that nearly solves systems with `A + σI`.
-pub(super) trait Improve {
-    /// Brings `z` nearer to the solution of `(A + σI) z = r`, from zero where it has not `begun`; `other` is used up.
-    ///
-    /// # Errors
-    /// [`Canceled`].
-    fn improve(
-        &mut self,
-        system: &System<'_>,
-        z: &mut Block<f32>,
-        r: &Block<f32>,
-        other: &mut Block<f32>,
-        begun: bool,
-        progress: &Progress,
-    ) -> Result<(), Canceled>;
-}
-
-/// By the factor of the shifted matrix itself or, `smoothed`, of one with a similar lower end of its spectrum.
-pub(super) struct ByFactor<'a> {
-    factor: &'a Cholesky<'a>,
-    smoothed: bool,
-    buffer: Vec<f32>,
-}
-
-impl<'a> ByFactor<'a> {
-    pub(super) fn new(factor: &'a Cholesky<'a>, smoothed: bool) -> Self {
-        Self { factor, smoothed, buffer: Vec::new() }
-    }
-}
-
-impl Improve for ByFactor<'_> {
-    fn improve(
-        &mut self,
-        system: &System<'_>,
-        z: &mut Block<f32>,
-        r: &Block<f32>,
-        other: &mut Block<f32>,
-        begun: bool,
-        progress: &Progress,
-    ) -> Result<(), Canceled> {
-        if begun || self.smoothed {
-            if self.smoothed {
-                system.sweep(z, r, other, progress)?;
-            }
-            system.defect(other, z, r);
-        } else {
-            other.copy_columns(0, r, 0, r.columns());
-        }
-        progress.checkpoint()?;
-        self.factor.solve_single(other, &mut self.buffer, progress)?;
-        add(z, other);
-        if self.smoothed { system.sweep(z, r, other, progress) } else { progress.checkpoint() }
-    }
-}
-
-pub(super) fn add(z: &mut Block<f32>, more: &Block<f32>) {
-    z.for_each_row(|i, row| row.iter_mut().zip(more.row(i)).for_each(|(z, x)| *z += x));
-}
-
-/// Room for the vectors of a group.
-pub(super) struct Room {
-    pub(super) residual: Block<f32>,
-    pub(super) solution: Block<f32>,
-    pub(super) other: Block<f32>,
-}
-
-impl Room {
-    pub(super) fn new(points: usize, width: usize) -> Self {
-        let block = || Block::zeros(points, width);
-        Self { residual: block(), solution: block(), other: block() }
-    }
-
-    /// Sets the solution of the residual at hand to zero.
-    pub(super) fn begin(&mut self) {
-        let columns = self.residual.columns();
-        self.solution.set_columns(columns);
-        self.other.set_columns(columns);
-        self.solution.for_each_row(|_, row| row.fill(0.0));
-    }
-}
 
 /// Bounds of ρ for orthonormal vectors of these values, in double precision.
 ///
@@ -196,18 +27,19 @@ pub(super) fn bounds(
     problem: &Problem,
     values: &[f64],
     vectors: &Block,
-    mut inverse: Option<&mut dyn Improve>,
+    mut inverse: Option<&mut dyn NearInverse>,
     progress: &Progress,
 ) -> Result<Vec<f64>, Canceled> {
     let system = System::new(problem);
-    let mut room = Room::new(problem.size(), width(problem.size()).min(values.len()));
+    let columns = width(problem.size()).min(values.len());
+    let mut room = Room::new(problem.size(), columns);
     let mut found = Vec::with_capacity(values.len());
-    for first in (0..values.len()).step_by(room.residual.columns()) {
-        let some = &values[first..values.len().min(first + width(problem.size()))];
+    for first in (0..values.len()).step_by(columns) {
+        let some = &values[first..values.len().min(first + columns)];
         progress.advance(first as f64 / values.len() as f64)?;
         rounded_residual(&mut room.residual, &problem.matrix, vectors.columns_from(first, some.len()), some);
         // lent to every group anew
-        let inverse = inverse.as_mut().map(|inverse| &mut **inverse as &mut dyn Improve);
+        let inverse = inverse.as_mut().map(|inverse| &mut **inverse as &mut dyn NearInverse);
         found.extend(bounds_of_group(&system, some, inverse, &mut room, progress)?);
     }
     Ok(found)
@@ -217,69 +49,31 @@ pub(super) fn bounds(
 pub(super) fn bounds_of_group(
     system: &System<'_>,
     values: &[f64],
-    inverse: Option<&mut dyn Improve>,
+    mut inverse: Option<&mut dyn NearInverse>,
     room: &mut Room,
     progress: &Progress,
 ) -> Result<Vec<f64>, Canceled> {
     let shift = system.problem.shift;
     room.begin();
-    let Room { residual, solution, other } = room;
-    let mut bounds: Vec<f64> =
-        products(solution, residual, residual).iter().map(|[_, rest]| rest / shift).collect();
-    let mut inverse = inverse;
-    for round in 0..if inverse.is_some() { ROUNDS_MAX } else { 0 } {
-        let Some(inverse) = inverse.as_mut() else { break };
-        progress.checkpoint()?;
-        inverse.improve(system, solution, residual, other, round > 0, progress)?;
-        system.defect(other, solution, residual);
-        let products = products(solution, residual, other);
-        for (bound, [known, rest]) in bounds.iter_mut().zip(&products) {
-            let found = known + rest / shift;
-            if found < *bound {
-                *bound = found.max(0.0);
-            }
-        }
-        let mut all = bounds.iter().zip(&products).zip(values);
-        let is_enough = |((bound, [_, rest]), value): ((&f64, &[f64; 2]), &f64)| {
-            rest / shift <= LEFT_MAX * bound || *bound <= NEGLIGIBLE.powi(2) * (value + shift)
+    let mut taken = vec![0.0; values.len()];
+    let mut left: Vec<f64> = room.squares().iter().map(|square| square / shift).collect();
+    let mut bounds = left.clone();
+    for _ in 0..STEPS_MAX {
+        let is_enough = |((bound, left), value): ((&f64, &f64), &f64)| {
+            *left <= LEFT_MAX * bound || *bound <= NEGLIGIBLE.powi(2) * (value.max(0.0) + shift)
         };
-        if all.all(is_enough) {
+        if bounds.iter().zip(&left).zip(values).all(is_enough) {
             break;
+        }
+        let Some(inverse) = inverse.as_mut() else { break };
+        let step = room.step(system, &mut **inverse, progress)?;
+        left = room.squares().iter().map(|square| square / shift).collect();
+        for (j, bound) in bounds.iter_mut().enumerate() {
+            taken[j] += step.gains[j];
+            *bound = bound.min(taken[j] + left[j]);
         }
     }
     Ok(bounds.iter().zip(values).map(|(bound, value)| (bound / (value.max(0.0) + shift)).sqrt()).collect())
-}
-
-/// `zᵀr` of every column.
-pub(super) fn inner_products(z: &mut Block<f32>, r: &Block<f32>) -> Vec<f64> {
-    products(z, r, r).iter().map(|[twice, _]| 0.5 * twice).collect()
-}
-
-/// `zᵀ(r + d)` and `‖d‖²` of every column.
-fn products(z: &mut Block<f32>, r: &Block<f32>, d: &Block<f32>) -> Vec<[f64; 2]> {
-    let m = r.columns();
-    let sums = z.map_stretches(PARTIAL_SUMS, |first, rows, width| {
-        let mut sums = vec![0.0; 2 * m];
-        for (k, z) in rows.chunks(width).enumerate() {
-            let (r, d) = (r.row(first + k), d.row(first + k));
-            let (known, rest) = sums.split_at_mut(m);
-            for j in 0..m {
-                let left = f64::from(d[j]);
-                known[j] += f64::from(z[j]) * (f64::from(r[j]) + left);
-                rest[j] += left * left;
-            }
-        }
-        sums
-    });
-    let sums = added(2 * m, sums);
-    (0..m).map(|j| [sums[j], sums[m + j]]).collect()
-}
-
-/// The relaxation ω of one of `steps` steps that leave the least of what is multiplied by `1 − ω y` for `y` from `low` to
-/// `high` (Chebyshev), the larger ones first.
-pub(super) fn relaxation(low: f64, high: f64, step: usize, steps: usize) -> f64 {
-    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-    1.0 / (middle - half * (std::f64::consts::PI * (step as f64 + 0.5) / steps as f64).cos())
 }
 
 #[cfg(test)]
@@ -289,6 +83,7 @@ mod tests {
     use crate::spectrum::certificates::measure;
     use crate::spectrum::factor::Symbolic;
     use crate::spectrum::grid::grid;
+    use crate::spectrum::shifted_system::ByFactor;
 
     const SIDE: usize = 60;
 

@@ -2,7 +2,6 @@
 
 use super::certificates::{self, MissedCheck};
 use super::chebyshev::Chebyshev;
-use super::dual::ByFactor;
 use super::factor::Symbolic;
 use super::inverse::{Nearest, Shifted};
 use super::lobpcg;
@@ -11,6 +10,7 @@ use super::preconditioner::Preconditioner;
 use super::probe::{Probe, Towards};
 use super::ritz::rayleigh_ritz;
 use super::shift_invert::ritz_vectors;
+use super::shifted_system::ByFactor;
 use super::solution::{Method, Request, Solution, certified, with_null_space};
 use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError};

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::certificates::{self, Certificates, Measured, MissedCheck};
-use super::dual::{self, Improve};
+use super::dual;
+use super::shifted_system::NearInverse;
 use super::vectors::block::Block;
 use super::weyl::Weyl;
 use super::{Eigenpairs, Problem, SpectrumError};
@@ -62,8 +63,8 @@ pub enum Method {
     ShiftInvert,
     /// From thinned samples of the surface to all of its points, with corrections by the inverse on every level.
     CoarseToFine,
-    /// From a thinned sample of the surface, which alone was solved, along the surface to all points, with one correction
-    /// and one Rayleigh–Ritz step there.
+    /// From a thinned sample of the surface, which alone was solved, along the surface to all points, with one to three
+    /// corrections and Rayleigh–Ritz steps there.
     Prolonged,
     /// Block Lanczos on the inverse of the shifted operator, made of a polynomial in the operator and the factor of the
     /// finite-volume operator.
@@ -171,7 +172,7 @@ pub(super) fn certified<P>(
     request: &Request<'_, P>,
     method: Method,
     missed: (Option<usize>, MissedCheck),
-    inverse: Option<&mut dyn Improve>,
+    inverse: Option<&mut dyn NearInverse>,
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
     let measured = certificates::measure(problem, &pairs, progress)?;

@@ -48,6 +48,9 @@ fn text(ran: &Ran, files: &[PathBuf]) -> String {
         let shown = |value: &Option<f64>| value.map_or_else(|| "-".to_owned(), significant);
         let first: Vec<_> = spectrum.eigenvalues.iter().take(SHOWN).map(shown).collect();
         line(&format!("eigenvalues ({})", spectrum.eigenvalues.len()), first.join("  "));
+        if let Some(solved) = spectrum.solved_points.filter(|&solved| solved < report.points_used) {
+            line("solved", format!("on {solved} points, and brought from there to all"));
+        }
     }
     for (name, seconds) in times(ran) {
         line(&format!("{name:<14}"), format!("{seconds:>8.2} s"));
@@ -75,6 +78,7 @@ fn object(ran: &Ran, files: &[PathBuf]) -> Value {
         "t": report.heat_kernel.as_ref().map(|kernel| kernel.t),
         "delta": report.heat_kernel.as_ref().map(|kernel| kernel.delta),
         "eigenvalues": report.spectrum.as_ref().map(|spectrum| &spectrum.eigenvalues),
+        "solved_points": report.spectrum.as_ref().and_then(|spectrum| spectrum.solved_points),
         "seconds": seconds,
         "warnings": report.warnings,
         "files": files,

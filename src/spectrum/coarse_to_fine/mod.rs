@@ -23,9 +23,10 @@ use ascent::{Ascent, Start};
 use level::{Level, coarser};
 
 use super::certificates::MissedCheck;
-use super::dual::{self, ByFactor};
+use super::dual;
 use super::factor::Symbolic;
 use super::probe::{Probe, Towards};
+use super::shifted_system::ByFactor;
 use super::solution::{Method, Request, Solution, certified_by, with_null_space};
 use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError, direct, shift_invert};

@@ -2,8 +2,8 @@
 
 use super::weights::Weights;
 use crate::progress::{Canceled, Progress};
-use crate::spectrum::dual::{Improve, System, add};
 use crate::spectrum::factor::Cholesky;
+use crate::spectrum::shifted_system::{NearInverse, Room, System};
 use crate::spectrum::vectors::block::Block;
 use crate::spectrum::vectors::sparse_product::{Finish, finished_product};
 
@@ -35,27 +35,19 @@ impl<'a> TwoGrid<'a> {
     }
 }
 
-impl Improve for TwoGrid<'_> {
-    fn improve(
-        &mut self,
-        system: &System<'_>,
-        z: &mut Block<f32>,
-        r: &Block<f32>,
-        other: &mut Block<f32>,
-        _begun: bool,
-        progress: &Progress,
-    ) -> Result<(), Canceled> {
-        let columns = r.columns();
-        system.sweep(z, r, other, progress)?;
-        system.defect(other, z, r);
+impl NearInverse for TwoGrid<'_> {
+    fn apply(&mut self, system: &System<'_>, room: &mut Room, progress: &Progress) -> Result<(), Canceled> {
+        let columns = room.residual.columns();
+        system.sweep(room, progress)?;
+        system.defect(room);
         progress.checkpoint()?;
-        let rest = other.columns_from(0, columns);
+        let rest = room.other.columns_from(0, columns);
         finished_product(&mut self.coarse, self.transposed.rows(), rest, Finish::Product);
         self.factor.solve_single(&mut self.coarse, &mut self.buffer, progress)?;
         let solved = self.coarse.columns_from(0, columns);
-        finished_product(other, self.weights.rows(), solved, Finish::Product);
+        finished_product(&mut room.other, self.weights.rows(), solved, Finish::Product);
         progress.checkpoint()?;
-        add(z, other);
-        system.sweep(z, r, other, progress)
+        room.correct();
+        system.sweep(room, progress)
     }
 }
