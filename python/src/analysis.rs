@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use chladni::analysis::{self, Analysis, AnalysisError, JobKind, Parameters, SparseMatrix};
+use chladni::analysis::{self, Analysis, AnalysisError, Examined, JobKind, Parameters, SparseMatrix};
 use chladni::cloud::PointCloud;
 use chladni::progress::Progress;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -105,11 +105,9 @@ fn compute(
     progress: &Progress,
 ) -> PyResult<Computed> {
     pool(threads)?.install(|| {
-        let admitted = if names_bases {
-            analysis::admit(cloud, &parameters)
-        } else {
-            analysis::admit_lowered(cloud, &mut parameters)
-        };
+        let examined = Examined::of(cloud);
+        let admitted =
+            if names_bases { examined.admit(&parameters) } else { examined.admit_lowered(&mut parameters) };
         admitted.map_err(failed)?;
         let analysis = analysis::analyze(cloud, kind, &parameters, progress).map_err(failed)?;
         let report = serde_json::to_string(&analysis.report).map_err(refused)?;

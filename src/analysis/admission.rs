@@ -1,37 +1,79 @@
 //! What an analysis needs of a cloud, looked at before it begins.
 
+use serde::{Deserialize, Serialize};
+
 use super::{AnalysisError, Parameters};
 use crate::cloud::PointCloud;
-use crate::geometry::{Points, Sampling, Triangles};
+use crate::geometry::frames::INTRINSIC_MAX;
+use crate::geometry::{Points, Sampling, Span, Triangles};
 use crate::spectrum::dense::{DENSE_POINTS_MAX, DENSE_POINTS_MAX_GENERAL};
 
-/// Cheap checks before a cloud is accepted: enough distinct points, not in a flat of fewer dimensions than the manifold,
-/// enough for the bases, faces where the operator needs them. Costs a sort of the points. Returns the number of rows that repeat an earlier position.
+/// What admission looks at of a cloud: enough distinct points, not in a flat of fewer dimensions than the manifold, enough
+/// for the bases, faces where the operator needs them. Costs a sort of the points, so that it is kept with a stored cloud.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Examined {
+    span: Span,
+    /// Rows that repeat an earlier position.
+    duplicates: usize,
+    faces: usize,
+    /// Whether one of the faces has an area.
+    has_triangles: bool,
+}
+
+impl Examined {
+    /// Looks at a cloud.
+    #[must_use]
+    pub fn of(cloud: &PointCloud) -> Self {
+        let points = Points::distinct(cloud);
+        let span = Span::of(cloud, &points, INTRINSIC_MAX);
+        let faces = cloud.faces().len();
+        let is_sound = faces > 0 && span.check(2).is_ok();
+        let duplicates = points.duplicates();
+        let has_triangles = is_sound && !Triangles::of(cloud, &points.normalized()).is_empty();
+        Self { span, duplicates, faces, has_triangles }
+    }
+
+    /// Rows that repeat an earlier position.
+    #[must_use]
+    pub fn duplicates(&self) -> usize {
+        self.duplicates
+    }
+
+    /// Checks that the cloud can be analyzed so.
+    ///
+    /// # Errors
+    /// [`AnalysisError`] that says what is missing.
+    pub fn admit(&self, parameters: &Parameters) -> Result<(), AnalysisError> {
+        parameters.check()?;
+        self.span.check(parameters.dimension)?;
+        parameters.check_extent(self.span.extent)?;
+        check_bases(parameters, self.span.distinct)?;
+        if parameters.operator.needs_faces() {
+            check_faces(parameters, self.faces, self.has_triangles)?;
+        }
+        Ok(())
+    }
+
+    /// [`Self::admit`] where nobody named a number of bases: that of `parameters` is lowered to what the cloud's distinct
+    /// points allow.
+    ///
+    /// # Errors
+    /// As [`Self::admit`].
+    pub fn admit_lowered(&self, parameters: &mut Parameters) -> Result<(), AnalysisError> {
+        parameters.check()?;
+        self.span.check(parameters.dimension)?;
+        parameters.bases = parameters.bases.min(bases_max(parameters, self.span.distinct));
+        self.admit(parameters)
+    }
+}
+
+/// Cheap checks of a cloud before its analysis, those of [`Examined`].
 ///
 /// # Errors
 /// [`AnalysisError`] that says what is missing.
-pub fn admit(cloud: &PointCloud, parameters: &Parameters) -> Result<usize, AnalysisError> {
+pub fn admit(cloud: &PointCloud, parameters: &Parameters) -> Result<(), AnalysisError> {
     parameters.check()?;
-    admitted(cloud, &Points::prepare(cloud, parameters.dimension)?, parameters)
-}
-
-/// [`admit`] where nobody named a number of bases: that of `parameters` is lowered to what the cloud's distinct points
-/// allow.
-///
-/// # Errors
-/// As [`admit`].
-pub fn admit_lowered(cloud: &PointCloud, parameters: &mut Parameters) -> Result<usize, AnalysisError> {
-    parameters.check()?;
-    let points = Points::prepare(cloud, parameters.dimension)?;
-    parameters.bases = parameters.bases.min(bases_max(parameters, points.len()));
-    admitted(cloud, &points, parameters)
-}
-
-fn admitted(cloud: &PointCloud, points: &Points, parameters: &Parameters) -> Result<usize, AnalysisError> {
-    parameters.check_extent(points.extent())?;
-    check_bases(parameters, points.len())?;
-    triangles(cloud, points, parameters)?;
-    Ok(points.duplicates())
+    Examined::of(cloud).admit(parameters)
 }
 
 /// The cloud's triangles, for operators that need them.
@@ -40,24 +82,28 @@ pub(super) fn triangles(
     points: &Points,
     parameters: &Parameters,
 ) -> Result<Triangles, AnalysisError> {
-    let name = parameters.operator.name();
     if !parameters.operator.needs_faces() {
         return Ok(Triangles::default());
     }
-    if cloud.faces().is_empty() {
+    let triangles = Triangles::of(cloud, points);
+    check_faces(parameters, cloud.faces().len(), !triangles.is_empty())?;
+    Ok(triangles)
+}
+
+fn check_faces(parameters: &Parameters, faces: usize, has_triangles: bool) -> Result<(), AnalysisError> {
+    let name = parameters.operator.name();
+    if faces == 0 {
         return Err(AnalysisError::Unsupported(format!(
             "operator `{name}` needs the faces of a mesh, and this cloud has none: upload a PLY, OBJ or OFF file with \
              faces, or choose an operator for points such as `pb-mhb` or `voronoi`"
         )));
     }
-    let triangles = Triangles::of(cloud, points);
-    if triangles.is_empty() {
+    if !has_triangles {
         return Err(AnalysisError::Unsupported(format!(
-            "operator `{name}` needs the faces of a mesh, and none of this cloud's {} faces has an area",
-            cloud.faces().len()
+            "operator `{name}` needs the faces of a mesh, and none of this cloud's {faces} faces has an area"
         )));
     }
-    Ok(triangles)
+    Ok(())
 }
 
 /// Larger clouds have at most one base per this number of points.
@@ -140,5 +186,53 @@ impl Bases {
         (is_most && asked < default).then(|| {
             format!("{asked} bases were computed, the most that {points} distinct points allow; the default is {default}")
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::NonFinite;
+    use crate::operator::OperatorKind;
+
+    fn cloud(coordinates: &[f64]) -> PointCloud {
+        PointCloud::new(2, coordinates.to_vec(), NonFinite::Drop).unwrap()
+    }
+
+    #[test]
+    fn what_was_looked_at_admits_and_refuses_as_the_points_do() {
+        let nan = f64::NAN;
+        let square =
+            [0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.5, 0.5, -0.0, 0.0, 1.0, 1.0, nan, 1.0, 0.5, nan];
+        let line = [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0];
+        let far = [0.0, 0.0, 1.0, f64::MAX, 0.0, -f64::MAX, 1.0, 1.0, 0.5, 0.5];
+        for rows in [&square[..], &square[..8], &line, &far, &[nan; 10], &[3.0; 20]] {
+            let cloud = cloud(rows);
+            let examined = Examined::of(&cloud);
+            for dimension in 1..=3 {
+                let parameters = Parameters { dimension, bases: 5, ..Parameters::default() };
+                let prepared = Points::prepare(&cloud, dimension).map(|_| ()).map_err(AnalysisError::from);
+                let admitted = examined.admit(&parameters);
+                assert_eq!(format!("{admitted:?}"), format!("{prepared:?}"), "{rows:?}");
+            }
+        }
+        assert_eq!(Examined::of(&cloud(&square)).duplicates(), 2);
+        assert_eq!(Examined::of(&cloud(&[f64::MAX, 0.0, -f64::MAX, 0.0, f64::MAX, 0.0])).duplicates(), 1);
+        let without_faces =
+            Parameters { operator: OperatorKind::Cotangent, bases: 5, ..Parameters::default() };
+        assert!(matches!(
+            Examined::of(&cloud(&square)).admit(&without_faces),
+            Err(AnalysisError::Unsupported(_))
+        ));
+    }
+
+    #[test]
+    fn bases_that_nobody_named_are_lowered() {
+        let rows: Vec<f64> = (0..20).flat_map(|i| [f64::from(i % 5), f64::from(i / 5)]).collect();
+        let mut parameters = Parameters { bases: 50, ..Parameters::default() };
+        let examined = Examined::of(&cloud(&rows));
+        assert!(examined.admit(&parameters).is_err());
+        examined.admit_lowered(&mut parameters).unwrap();
+        assert_eq!(parameters.bases, 20);
     }
 }

@@ -275,7 +275,6 @@ mod tests {
             Parameters { exact: true, ..parameters.clone() },
             Parameters { dimension: 1, ..parameters.clone() },
             Parameters { operator: OperatorKind::Pcd, ..parameters.clone() },
-            Parameters { bases: 10_000, ..parameters.clone() },
         ] {
             assert_eq!(all.fitted(5_000_000, 3, 0, JobKind::Eigen, 12 << 30), all);
         }

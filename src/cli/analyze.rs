@@ -7,7 +7,7 @@ mod summary;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chladni::analysis::{self, AnalysisError, JobKind, Parameters};
+use chladni::analysis::{AnalysisError, Examined, JobKind, Parameters};
 use chladni::app::{Settings, bytes};
 use chladni::cloud::reader::read_columns;
 
@@ -80,10 +80,11 @@ fn analyze_into(
     let cloud = args.reading.read(&args.cloud)?;
     let functions = args.apply.as_deref().map(|path| functions(path, cloud.len())).transpose()?;
     let mut parameters = parameters.clone();
+    let examined = Examined::of(&cloud);
     let admitted = if args.parameters.is_given("bases") {
-        analysis::admit(&cloud, &parameters)
+        examined.admit(&parameters)
     } else {
-        analysis::admit_lowered(&cloud, &mut parameters)
+        examined.admit_lowered(&mut parameters)
     };
     admitted.map_err(|error| of_analysis(&error))?;
     let budget = Settings { memory_budget: args.memory, ..Settings::default() }.memory_budget();

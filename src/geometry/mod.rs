@@ -31,7 +31,7 @@ pub use frames::{Frames, frames};
 pub use metric::TriangleMetric;
 pub use neighborhoods::{NearestNeighbors, SearchTree};
 pub use normals::normals;
-pub use points::{GeometryError, Points};
+pub use points::{GeometryError, Points, Span};
 pub use sampling::Sampling;
 pub use stars::Stars;
 pub use triangles::Triangles;

@@ -73,6 +73,65 @@ fn flat(spanned: usize) -> &'static str {
 /// Least number of distinct points: a tangent plane and one more.
 pub const POINTS_MIN: usize = 5;
 
+/// Extents whose squares double precision holds with room to spare.
+const EXTENTS: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
+
+/// What decides whether an analysis can begin with a cloud's points.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Span {
+    /// Rows of the upload.
+    pub rows: usize,
+    /// Ambient dimension d.
+    pub ambient: usize,
+    /// Distinct finite points.
+    pub distinct: usize,
+    /// Longest side of the bounding box; the largest number where that overflows.
+    pub extent: f64,
+    /// Dimensions that the points span, counted up to the intrinsic dimension that was looked for.
+    pub dimensions: usize,
+}
+
+impl Span {
+    /// That of the distinct points of a cloud, where `enough` dimensions are as good as more.
+    #[must_use]
+    pub fn of(cloud: &PointCloud, points: &Points, enough: usize) -> Self {
+        let extent = cloud.bounding_box().map_or(0.0, |(low, high)| longest(&low, &high));
+        let dimensions = if EXTENTS.contains(&extent) { points.dimensions_spanned(enough) } else { 0 };
+        let (rows, ambient) = (cloud.len(), cloud.dimension());
+        Self { rows, ambient, distinct: points.len(), extent: extent.min(f64::MAX), dimensions }
+    }
+
+    /// Checks that the points can sample a manifold.
+    ///
+    /// # Errors
+    /// [`GeometryError`] when there are fewer than [`POINTS_MIN`] or more than 32 bits number, when they span fewer than
+    /// `intrinsic` dimensions, or when their extent cannot be squared.
+    pub fn check(&self, intrinsic: usize) -> Result<(), GeometryError> {
+        let &Self { rows, ambient, distinct, extent, dimensions } = self;
+        if intrinsic > ambient {
+            return Err(GeometryError::Intrinsic { intrinsic, ambient });
+        }
+        if rows >= NO_POINT as usize {
+            return Err(GeometryError::TooManyPoints { rows, limit: NO_POINT as usize - 1 });
+        }
+        if distinct > 0 && extent != 0.0 && !EXTENTS.contains(&extent) {
+            return Err(GeometryError::Extent { extent });
+        }
+        if distinct < POINTS_MIN {
+            return Err(GeometryError::TooFewPoints { distinct, rows, needed: POINTS_MIN });
+        }
+        if dimensions < intrinsic {
+            return Err(GeometryError::Flat { spanned: dimensions, needed: intrinsic });
+        }
+        Ok(())
+    }
+}
+
+/// Longest side of a box.
+fn longest(low: &[f64], high: &[f64]) -> f64 {
+    low.iter().zip(high).map(|(l, h)| h - l).fold(0.0, f64::max)
+}
+
 /// Finite, distinct points of `R^d`, recentred to the middle of their bounding box, in Morton order, so that
 /// neighbors in space are neighbors in memory.
 #[derive(Debug, Clone)]
@@ -92,24 +151,25 @@ impl Points {
     /// Selects, merges, recentres and orders the rows of a cloud. Exact repetitions of a position are merged.
     ///
     /// # Errors
-    /// [`GeometryError`] when fewer than [`POINTS_MIN`] distinct points are left or they span fewer than `intrinsic`
-    /// dimensions.
+    /// As [`Span::check`].
     pub fn prepare(cloud: &PointCloud, intrinsic: usize) -> Result<Self, GeometryError> {
-        let (rows, d) = (cloud.len(), cloud.dimension());
-        if intrinsic > d {
-            return Err(GeometryError::Intrinsic { intrinsic, ambient: d });
-        }
-        if rows >= NO_POINT as usize {
-            return Err(GeometryError::TooManyPoints { rows, limit: NO_POINT as usize - 1 });
-        }
-        let Some((low, high)) = cloud.bounding_box() else {
-            return Err(GeometryError::TooFewPoints { distinct: 0, rows, needed: POINTS_MIN });
-        };
-        let center: Vec<f64> = low.iter().zip(&high).map(|(l, h)| l + 0.5 * (h - l)).collect();
-        let extent = low.iter().zip(&high).map(|(l, h)| h - l).fold(0.0, f64::max);
-        if extent != 0.0 && !(1e-100..=1e100).contains(&extent) {
-            return Err(GeometryError::Extent { extent });
-        }
+        let points = Self::distinct(cloud);
+        Span::of(cloud, &points, intrinsic).check(intrinsic)?;
+        Ok(points)
+    }
+
+    /// The same without a look at whether an analysis can begin with them.
+    #[must_use]
+    pub fn distinct(cloud: &PointCloud) -> Self {
+        let d = cloud.dimension();
+        let (low, high) = cloud.bounding_box().unwrap_or_else(|| (vec![0.0; d], vec![0.0; d]));
+        let extent = longest(&low, &high);
+        // where the middle overflows, the places themselves tell rows apart
+        let is_sound = EXTENTS.contains(&extent);
+        let extent = if is_sound { extent } else { 0.0 };
+        let middle = |(l, h): (&f64, &f64)| if is_sound { l + 0.5 * (h - l) } else { 0.0 };
+        let center: Vec<f64> = low.iter().zip(&high).map(middle).collect();
+        let rows = if cloud.len() < NO_POINT as usize { cloud.len() } else { 0 };
 
         // + 0.0 turns -0 into 0, so that equal positions are equal in the total order too
         let centered = |row: usize, axis: usize| cloud.point(row)[axis] - center[axis] + 0.0;
@@ -142,15 +202,7 @@ impl Points {
             point_of_row[row as usize] = row_of_point.len() as u32 - 1;
         }
         let duplicates = order.len() - row_of_point.len();
-        let points = Self { dimension: d, coordinates, unit: 1.0, point_of_row, row_of_point, duplicates };
-        if points.len() < POINTS_MIN {
-            return Err(GeometryError::TooFewPoints { distinct: points.len(), rows, needed: POINTS_MIN });
-        }
-        let spanned = points.dimensions_spanned(intrinsic);
-        if spanned < intrinsic {
-            return Err(GeometryError::Flat { spanned, needed: intrinsic });
-        }
-        Ok(points)
+        Self { dimension: d, coordinates, unit: 1.0, point_of_row, row_of_point, duplicates }
     }
 
     /// The same points in another unit of length, the power of two for which their extent is at least 1 and less than 2:
@@ -236,6 +288,9 @@ impl Points {
     /// Number of dimensions, at most `enough`, that the points span: farthest points first, until no point is farther
     /// from the flat through them than rounding explains.
     fn dimensions_spanned(&self, enough: usize) -> usize {
+        if self.len() == 0 {
+            return 0;
+        }
         let origin = self.point(0);
         let mut axes: Vec<Vec<f64>> = Vec::new();
         let mut size = 0.0;
@@ -268,7 +323,7 @@ impl Points {
 
     /// Number of points n.
     #[must_use]
-    #[allow(clippy::len_without_is_empty)] // never empty
+    #[allow(clippy::len_without_is_empty)] // never empty once prepared
     pub fn len(&self) -> usize {
         self.row_of_point.len()
     }

@@ -14,7 +14,7 @@ use super::rows::{cloud_checksum, cloud_record, cloud_with_id, from_word, hex, i
 use super::{
     CloudRecord, FieldRecord, Milliseconds, Owner, Page, Store, StoreError, Submitted, detached, off_thread,
 };
-use crate::analysis::{JobKind, Parameters};
+use crate::analysis::{Examined, JobKind, Parameters};
 use crate::cloud::{NonFinite, PointCloud, ScalarField};
 
 impl Store {
@@ -29,7 +29,10 @@ impl Store {
         cloud: &PointCloud,
         job: Option<(JobKind, Parameters)>,
     ) -> Result<Submitted, StoreError> {
-        self.submit_shared(&Owner::nobody(), Arc::new(cloud.clone()), job).await
+        let cloud = Arc::new(cloud.clone());
+        let shared = Arc::clone(&cloud);
+        let examined = off_thread(move || Ok(Examined::of(&shared))).await?;
+        self.submit_shared(&Owner::nobody(), cloud, &examined, job).await
     }
 
     /// As [`Self::submit`], for an owner: the same content of another owner is another cloud.
@@ -40,14 +43,14 @@ impl Store {
         &self,
         owner: &Owner,
         cloud: Arc<PointCloud>,
+        examined: &Examined,
         job: Option<(JobKind, Parameters)>,
     ) -> Result<Submitted, StoreError> {
-        let (store, owner) = (self.clone(), owner.clone());
+        let (store, owner, examined) = (self.clone(), owner.clone(), *examined);
         detached(async move {
             store.refuse_when_disk_full().await?;
-            let examined = Arc::clone(&cloud);
-            let (digest, duplicates) =
-                off_thread(move || Ok((content::digest(&examined)?, content::duplicates(&examined)))).await?;
+            let shared = Arc::clone(&cloud);
+            let digest = off_thread(move || content::digest(&shared)).await?;
             let mut transaction = store.write().await?;
             let known = cloud_with_digest(&mut transaction, &owner, &digest).await?;
             let (record, cloud_created) = if let Some(record) = known {
@@ -57,7 +60,7 @@ impl Store {
                     store.refuse_when_queue_full(&mut transaction, &owner).await?;
                 }
                 let now = store.now(&mut transaction).await?;
-                let record = describe(&cloud, owner.clone(), now, &digest, duplicates);
+                let record = describe(&cloud, owner.clone(), now, &digest, examined);
                 store.refuse_when_owner_full(&mut transaction, &owner, record.bytes()).await?;
                 if insert_cloud(&mut transaction, &record, &cloud, &digest).await? {
                     (record, true)
@@ -267,7 +270,7 @@ fn describe(
     owner: Owner,
     created: Milliseconds,
     digest: &Checksum,
-    duplicates: u64,
+    examined: Examined,
 ) -> CloudRecord {
     let field = |field: &ScalarField| FieldRecord { name: field.name.clone(), kind: field.kind };
     CloudRecord {
@@ -279,7 +282,8 @@ fn describe(
         points: cloud.len() as u64,
         dimension: cloud.dimension(),
         nonfinite: cloud.nonfinite() as u64,
-        duplicates,
+        duplicates: examined.duplicates() as u64,
+        examined: Some(examined),
         bounding_box: cloud.bounding_box().unwrap_or_default(),
         coordinate_type: cloud.coordinate_type(),
         grids: cloud.grids(),
@@ -298,8 +302,9 @@ async fn insert_cloud(
 ) -> Result<bool, StoreError> {
     let inserted = connection.query(
         "INSERT INTO clouds (id, owner, created, digest, points, dimension, nonfinite, duplicates, bounding_box, \
-         coordinate_type, fields, faces, grids, bytes, checksum, origin) \
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16) ON CONFLICT (owner, digest) DO NOTHING",
+         coordinate_type, fields, faces, grids, bytes, checksum, origin, examined) \
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17) \
+         ON CONFLICT (owner, digest) DO NOTHING",
     )
     .bind(record.id)
     .bind(record.owner.name())
@@ -317,6 +322,7 @@ async fn insert_cloud(
     .bind(0_i64)
     .bind(cloud_checksum(record)?.as_slice())
     .bind((!record.origin.is_empty()).then(|| to_json(&record.origin)).transpose()?)
+    .bind(record.examined.map(|examined| to_json(&examined)).transpose()?)
     .execute()
     .await?;
     if inserted == 0 {

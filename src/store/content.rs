@@ -68,18 +68,6 @@ fn add_numbers<T: Number>(hash: &mut Sha256, values: &[T]) {
     }
 }
 
-/// Rows that repeat the position of an earlier row. Rows with a non-finite coordinate have no position.
-pub(super) fn duplicates(cloud: &PointCloud) -> u64 {
-    let finite = |&row: &u32| cloud.point(row as usize).iter().all(|x| x.is_finite());
-    let mut rows: Vec<u32> = (0..cloud.len() as u32).filter(finite).collect();
-    let same = |a: &u32, b: &u32| cloud.point(*a as usize) == cloud.point(*b as usize);
-    rows.sort_unstable_by(|a, b| {
-        let (a, b) = (cloud.point(*a as usize), cloud.point(*b as usize));
-        a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal)
-    });
-    rows.windows(2).filter(|pair| same(&pair[0], &pair[1])).count() as u64
-}
-
 /// One array of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
@@ -222,13 +210,6 @@ mod tests {
         assert!(has_digest(&narrow, &hex(&first)).unwrap());
         assert!(has_digest(&narrow, &hex(&digest(&narrow).unwrap())).unwrap());
         assert!(!has_digest(&cloud(&[0.5, 2.0]), &hex(&first)).unwrap());
-    }
-
-    #[test]
-    fn rows_that_repeat_a_position_are_counted_and_rows_without_one_are_not() {
-        let nan = f64::NAN;
-        let repeated = cloud(&[0.0, 1.0, 2.0, 3.0, -0.0, 1.0, 0.0, 1.0, nan, 1.0, nan, 1.0, 1.0, 0.0]);
-        assert_eq!(duplicates(&repeated), 2);
     }
 
     #[test]

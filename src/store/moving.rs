@@ -57,11 +57,11 @@ const CLOUD: [Table; 2] = [
     table!(
         "clouds",
         "id, owner, name, created, digest, points, dimension, nonfinite, duplicates, bounding_box, coordinate_type, \
-         fields, faces, grids, origin, bytes, checksum",
+         fields, faces, grids, origin, bytes, checksum, examined",
         "id = $1",
         [
             Uuid, Text, Text, Integer, Bytes, Integer, Integer, Integer, Integer, Text, Text, Text, Integer,
-            Text, Text, Integer, Bytes
+            Text, Text, Integer, Bytes, Text
         ]
     ),
     table!(

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::{Milliseconds, Owner};
-use crate::analysis::{JobKind, Parameters, Report};
+use crate::analysis::{Examined, JobKind, Parameters, Report};
 use crate::arguments::words;
 use crate::cloud::{Grid, Origin, ScalarType};
 use crate::progress::Phase;
@@ -41,6 +41,8 @@ pub struct CloudRecord {
     pub nonfinite: u64,
     /// Rows that repeat an earlier position.
     pub duplicates: u64,
+    /// What admission looks at; none of clouds that an older version stored.
+    pub examined: Option<Examined>,
     /// `(minimum, maximum)` over the finite points; both empty when there are none.
     pub bounding_box: (Vec<f64>, Vec<f64>),
     /// Type of the coordinates in the upload.

@@ -99,6 +99,7 @@ pub(super) fn cloud_record(row: &Row) -> Result<CloudRecord, StoreError> {
         dimension: count(row, "dimension")? as usize,
         nonfinite: count(row, "nonfinite")?,
         duplicates: count(row, "duplicates")?,
+        examined: row.try_get::<Option<&str>, _>("examined")?.map(json).transpose()?,
         bounding_box: json(row.try_get("bounding_box")?)?,
         coordinate_type: from_word(row.try_get("coordinate_type")?)?,
         grids: row.try_get::<Option<&str>, _>("grids")?.map(json).transpose()?,

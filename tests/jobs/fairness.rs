@@ -1,11 +1,9 @@
 //! Owners are served in turn, each within its limits.
 
-use std::sync::Arc;
-
 use chladni::store::{Claim, Owner, Store, StoreError};
 use uuid::Uuid;
 
-use crate::stage::{Stage, cloud, complete, submit_for};
+use crate::stage::{Stage, cloud, complete, store_for, submit_for};
 
 async fn claim(store: &Store) -> Claim {
     store.claim(Uuid::now_v7()).await.unwrap().unwrap()
@@ -16,10 +14,10 @@ async fn a_single_job_of_another_owner_is_next_beside_a_thousand() {
     let stage = Stage::new();
     let store = stage.open_with_queue(2000).await;
     let (many, few) = (Owner::named("many"), Owner::named("few"));
-    let cloud = Arc::new(cloud(5, 1));
+    let cloud = cloud(5, 1);
     for bases in 1..=1000 {
         let job = Some((chladni::analysis::JobKind::Eigen, crate::stage::parameters(bases)));
-        store.submit_shared(&many, Arc::clone(&cloud), job).await.unwrap();
+        store_for(&store, &many, cloud.clone(), job).await.unwrap();
     }
     claim(&store).await;
     let single = submit_for(&store, &few, crate::stage::cloud(5, 2), 2).await.unwrap();
@@ -97,7 +95,7 @@ async fn an_owner_stores_no_more_bytes_than_it_may_and_may_again_after_deleting(
     let store = stage.open_with(|settings| settings.stored_bytes_max_per_owner = 3 * bytes).await;
     let (own, other) = (Owner::named("own"), Owner::named("other"));
     let store_cloud = async |owner: &Owner, seed| {
-        store.submit_shared(owner, Arc::new(cloud(1000, seed)), None).await.map(|stored| stored.cloud.id)
+        store_for(&store, owner, cloud(1000, seed), None).await.map(|stored| stored.cloud.id)
     };
     let mut clouds = Vec::new();
     for seed in 0..3 {
@@ -114,7 +112,7 @@ async fn an_owner_stores_no_more_bytes_than_it_may_and_may_again_after_deleting(
     store.delete_cloud(clouds.pop().unwrap()).await.unwrap();
     // A result counts from the moment that it is promised: 5 bases and the mass.
     let parameters = |bases| Some((chladni::analysis::JobKind::Eigen, crate::stage::parameters(bases)));
-    let again = |bases| store.submit_shared(&own, Arc::new(cloud(1000, 0)), parameters(bases));
+    let again = |bases| store_for(&store, &own, cloud(1000, 0), parameters(bases));
     assert!(matches!(again(5).await, Err(StoreError::OwnerStorageFull { .. })));
     let job = again(2).await.unwrap().job.unwrap();
     let claim = claim(&store).await;

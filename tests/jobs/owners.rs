@@ -1,12 +1,10 @@
 //! What one owner stores, no other sees.
 
-use std::sync::Arc;
-
 use chladni::analysis::JobKind;
 use chladni::store::Owner;
 use uuid::Uuid;
 
-use crate::stage::{Stage, cloud, parameters};
+use crate::stage::{Stage, cloud, parameters, store_for};
 
 #[tokio::test]
 async fn the_same_content_of_two_owners_is_two_clouds_and_two_jobs() {
@@ -16,9 +14,9 @@ async fn the_same_content_of_two_owners_is_two_clouds_and_two_jobs() {
     let mut submitted = Vec::new();
     for owner in &owners {
         let job = Some((JobKind::Eigen, parameters(2)));
-        let first = store.submit_shared(owner, Arc::new(cloud(20, 1)), job.clone()).await.unwrap();
+        let first = store_for(&store, owner, cloud(20, 1), job.clone()).await.unwrap();
         assert!(first.cloud_created && first.job_created, "nothing tells that another owner has it");
-        let again = store.submit_shared(owner, Arc::new(cloud(20, 1)), job).await.unwrap();
+        let again = store_for(&store, owner, cloud(20, 1), job).await.unwrap();
         assert!(!again.cloud_created && !again.job_created);
         assert_eq!(again.cloud, first.cloud);
         submitted.push(first);
@@ -44,7 +42,7 @@ async fn a_further_job_belongs_to_the_owner_of_its_cloud() {
     let stage = Stage::new();
     let store = stage.open().await;
     let owner = Owner::named("alpha");
-    let stored = store.submit_shared(&owner, Arc::new(cloud(20, 1)), None).await.unwrap();
+    let stored = store_for(&store, &owner, cloud(20, 1), None).await.unwrap();
     let job = store.submit_job(stored.cloud.id, JobKind::Eigen, parameters(2)).await.unwrap().job.unwrap();
     assert!(store.owns(&owner, job.id).await.unwrap());
     assert!(!store.owns(&Owner::nobody(), job.id).await.unwrap());

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use chladni::analysis::{JobKind, Parameters, Report, SparseMatrix};
+use chladni::analysis::{Examined, JobKind, Parameters, Report, SparseMatrix};
 use chladni::cloud::{NonFinite, PointCloud};
 use chladni::progress::Phase;
 use chladni::store::{
     ArrayName, BasisValues, Claim, Clock, JobRecord, JobState, Milliseconds, Numbers, Owner, Store,
-    StoreError, StoreSettings, StoredCoefficients, Vitals,
+    StoreError, StoreSettings, StoredCoefficients, Submitted, Vitals,
 };
 use serde_json::json;
 use uuid::Uuid;
@@ -103,7 +103,18 @@ pub(crate) async fn submit_for(
     bases: usize,
 ) -> Result<JobRecord, StoreError> {
     let job = Some((JobKind::Eigen, parameters(bases)));
-    Ok(store.submit_shared(owner, Arc::new(cloud), job).await?.job.unwrap())
+    Ok(store_for(store, owner, cloud, job).await?.job.unwrap())
+}
+
+/// Stores a cloud of an owner, with a job on it or not.
+pub(crate) async fn store_for(
+    store: &Store,
+    owner: &Owner,
+    cloud: PointCloud,
+    job: Option<(JobKind, Parameters)>,
+) -> Result<Submitted, StoreError> {
+    let examined = Examined::of(&cloud);
+    store.submit_shared(owner, Arc::new(cloud), &examined, job).await
 }
 
 pub(crate) fn parameters(bases: usize) -> Parameters {

@@ -1,5 +1,7 @@
 //! Rows of numbers become coordinates and fields, column by column.
 
+use rayon::prelude::*;
+
 use super::{Format, Limits, ReadError, ReadOptions};
 use crate::cloud::{PointCloud, ScalarField, ScalarType};
 
@@ -40,6 +42,27 @@ pub(super) fn axis(name: &str) -> Option<usize> {
         "y" | "Y" => Some(1),
         "z" | "Z" => Some(2),
         name => name.strip_prefix("coordinate_")?.parse().ok().filter(|axis| *axis >= 3),
+    }
+}
+
+/// Rows decoded together: all their columns stay in the first cache.
+const BLOCK_ROWS: usize = 512;
+/// Rows that one thread decodes at a time.
+const PART_ROWS: usize = 128 * BLOCK_ROWS;
+
+/// Some rows of fixed length, and where their numbers go.
+pub(super) struct Block<'a, 'b> {
+    pub(super) rows: &'a [u8],
+    /// Of all axes, point by point.
+    pub(super) coordinates: &'b mut [f64],
+    fields: &'b mut [&'a mut [f64]],
+    first: usize,
+}
+
+impl Block<'_, '_> {
+    /// The values of a field.
+    pub(super) fn field(&mut self, field: usize, stride: usize) -> &mut [f64] {
+        &mut self.fields[field][self.first..self.first + self.rows.len() / stride]
     }
 }
 
@@ -147,6 +170,34 @@ impl Columns {
             field.values = vec![0.0; points];
         }
         Ok(())
+    }
+
+    /// Decodes rows of `stride` bytes into numbers that are there, on all threads: each touches its own memory first.
+    pub(super) fn decode_blocks(
+        &mut self,
+        rows: &[u8],
+        stride: usize,
+        decode: impl Fn(&mut Block<'_, '_>) + Sync,
+    ) {
+        let dimension = self.dimension;
+        let coordinates = self.coordinates.chunks_mut(PART_ROWS * dimension);
+        let mut parts: Vec<_> = rows
+            .chunks(PART_ROWS * stride)
+            .zip(coordinates)
+            .map(|(rows, coordinates)| (rows, coordinates, Vec::new()))
+            .collect();
+        for field in &mut self.fields {
+            for ((_, _, fields), values) in parts.iter_mut().zip(field.values.chunks_mut(PART_ROWS)) {
+                fields.push(values);
+            }
+        }
+        parts.into_par_iter().for_each(|(rows, coordinates, mut fields)| {
+            let blocks = rows.chunks(BLOCK_ROWS * stride).zip(coordinates.chunks_mut(BLOCK_ROWS * dimension));
+            for (index, (rows, coordinates)) in blocks.enumerate() {
+                let (fields, first) = (fields.as_mut_slice(), index * BLOCK_ROWS);
+                decode(&mut Block { rows, coordinates, fields, first });
+            }
+        });
     }
 
     /// Adds a point. The row has one value per target.

@@ -7,6 +7,11 @@
 mod file;
 mod laz;
 
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+
+use rayon::prelude::*;
+
 use self::file::File;
 use super::columns::{Column, Columns, Target};
 use super::number::{Number, Source};
@@ -14,6 +19,9 @@ use super::ply::{ByteOrder, Place as Slot};
 use super::{Format, Location, ReadError, ReadOptions, guarded};
 use crate::cloud::las::{self, Extra, Place, Record, at};
 use crate::cloud::{Bytes, Origin, PointCloud, ScalarType, Survey};
+
+/// Points that one thread looks at a time for places that are used.
+const USED_POINTS: usize = 1 << 13;
 
 /// Bytes of records that are kept beside a cloud.
 const KEPT_MAX: usize = 1 << 20;
@@ -54,26 +62,30 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
 
 impl File<'_> {
     fn cloud(&self, records: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
-        let (layout, extra) = self.layout();
-        let mut layout = layout;
-        layout.retain(|place| !self.is_unused(place, records));
+        let (mut layout, extra) = self.layout();
+        let mut is_used = self.used(&layout, records).into_iter();
+        layout.retain(|_| is_used.next() == Some(true));
         let axes = ["x", "y", "z"].map(|name| Column { name: name.to_owned(), kind: ScalarType::Float64 });
         let fields = layout.iter().map(|place| Column { name: place.name.clone(), kind: place.kind() });
         let named: Vec<Column> = axes.into_iter().chain(fields).collect();
         let mut columns = Columns::leading(&named, 3, &options.limits)?;
         columns.zeroed(self.points)?;
-        for axis in 0..3 {
-            let number = Number::little(ScalarType::Int32);
-            let source = Source { rows: records, stride: self.record, offset: 4 * axis, number };
-            source.decode(Slot { out: &mut columns.coordinates, stride: 3, offset: axis });
-            let grid = self.grids[axis];
-            columns.coordinates.iter_mut().skip(axis).step_by(3).for_each(|x| *x = grid.coordinate(*x));
-        }
-        for (place, target) in layout.iter().zip(&columns.targets[3..]) {
-            if let Target::Field(field) = *target {
-                self.decode(place, records, &mut columns.fields[field].values);
+        let (targets, stride) = (columns.targets.clone(), self.record);
+        columns.decode_blocks(records, stride, |block| {
+            for axis in 0..3 {
+                let number = Number::little(ScalarType::Int32);
+                let source = Source { rows: block.rows, stride, offset: 4 * axis, number };
+                source.decode(Slot { out: block.coordinates, stride: 3, offset: axis });
             }
-        }
+            for point in block.coordinates.as_chunks_mut::<3>().0 {
+                point.iter_mut().zip(&self.grids).for_each(|(x, grid)| *x = grid.coordinate(*x));
+            }
+            for (place, target) in layout.iter().zip(&targets[3..]) {
+                if let Target::Field(field) = *target {
+                    self.decode(place, block.rows, block.field(field, stride));
+                }
+            }
+        });
         let origin = self.origin(&extra);
         Ok(columns.into_cloud(Vec::new(), options)?.with_grids(Some(self.grids)).with_origin(origin))
     }
@@ -94,14 +106,22 @@ impl File<'_> {
         }
     }
 
-    /// Whether every point has 0 there.
-    fn is_unused(&self, place: &Place, records: &[u8]) -> bool {
-        let range = place.offset..place.offset + place.stored.size();
-        let mask = if place.mask == 0 { u8::MAX } else { place.mask << place.shift };
-        let is_zero = |record: &[u8]| record[range.clone()].iter().all(|&byte| byte & mask == 0);
+    /// Which places have anything but 0 in some point.
+    fn used(&self, layout: &[Place], records: &[u8]) -> Vec<bool> {
         // An offset makes a number other than 0 of bytes that are 0.
-        let stands_for_zero = place.scaled.is_none_or(|(_, offset)| offset == 0.0);
-        stands_for_zero && records.chunks_exact(self.record).all(is_zero)
+        let is_used = |place: &Place| place.scaled.is_some_and(|(_, offset)| offset != 0.0);
+        let used: Vec<AtomicBool> = layout.iter().map(|place| AtomicBool::new(is_used(place))).collect();
+        records.par_chunks(USED_POINTS * self.record).for_each(|part| {
+            for (place, used) in layout.iter().zip(&used) {
+                let range = place.offset..place.offset + place.stored.size();
+                let mask = if place.mask == 0 { u8::MAX } else { place.mask << place.shift };
+                let is_zero = |record: &[u8]| record[range.clone()].iter().all(|&byte| byte & mask == 0);
+                if !used.load(Relaxed) && !part.chunks_exact(self.record).all(is_zero) {
+                    used.store(true, Relaxed);
+                }
+            }
+        });
+        used.into_iter().map(AtomicBool::into_inner).collect()
     }
 
     /// The attributes of a point, then its extra bytes.

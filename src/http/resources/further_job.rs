@@ -8,7 +8,7 @@ use utoipa::ToSchema;
 
 use super::idempotency::{IdempotencyKey, Key};
 use super::submission::{JobArguments, Submission, answer, remember, replayed};
-use crate::analysis::{JobKind, Parameters, admit, admit_lowered};
+use crate::analysis::{Examined, JobKind, Parameters};
 use crate::http::notation::parse_id;
 use crate::http::service::Shared;
 use crate::http::wait::preferred_wait;
@@ -72,15 +72,21 @@ pub(crate) async fn post_job(
     let asked = job_arguments(&body)?;
     let lowers = !asked.parameters.is_bases_given;
     let (kind, mut parameters) = asked.checked(service.limits.bases_max)?;
-    // The cloud, and its points without those at the same place.
-    reservation.add(ADMISSION_FACTOR * service.store.cloud(id).await?.bytes()).await?;
-    let cloud = service.store.load_cloud(id).await?;
-    let admitted = move || {
-        if lowers { admit_lowered(&cloud, &mut parameters) } else { admit(&cloud, &parameters) }
-            .map(|_| parameters)
+    let cloud = service.store.cloud(id).await?;
+    let examined = if let Some(examined) = cloud.examined {
+        examined
+    } else {
+        // Stored by an older version: the cloud, and its points without those at the same place.
+        reservation.add(ADMISSION_FACTOR * cloud.bytes()).await?;
+        let cloud = service.store.load_cloud(id).await?;
+        service.reading.run(move || Examined::of(&cloud)).await?
     };
-    let parameters = service.reading.run(admitted).await??;
     drop(reservation);
+    if lowers {
+        examined.admit_lowered(&mut parameters)?
+    } else {
+        examined.admit(&parameters)?
+    }
     let submitted = service.store.submit_job(id, kind, parameters).await?;
     remember(&service, &owner, key.as_ref(), &submitted).await?;
     answer(&service, submitted, wait).await

@@ -16,7 +16,7 @@ use super::clouds::CloudView;
 use super::idempotency::{self, IdempotencyKey, Key};
 use super::jobs;
 use super::jobs::JobView;
-use crate::analysis::{JobKind, Parameters, Task, admit, admit_lowered};
+use crate::analysis::{Examined, JobKind, Parameters, Task};
 use crate::arguments::{self, Accepts, Argument, ArgumentError, Arguments, arguments, groups};
 use crate::cloud::PointCloud;
 use crate::cloud::reader::{self, Format, ReadOptions, ReadRequest};
@@ -120,6 +120,9 @@ pub(crate) fn narrowed(bases_max: usize) -> Vec<Argument> {
     }
     table
 }
+
+/// What is queued on a cloud.
+type Job = (JobKind, Parameters);
 
 /// What a submission came to.
 #[derive(Debug, Serialize, ToSchema)]
@@ -274,8 +277,9 @@ async fn receive(
     let format = upload.format(reading.format)?;
     let job = analyze.analyze.then_some((kind, parameters));
     let options = reading.options(service.limits.reader);
-    let (cloud, job) = service.reading.run(move || read(upload, format, &options, job, lowers)).await??;
-    let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), job).await?;
+    let (cloud, examined, job) =
+        service.reading.run(move || read(upload, format, &options, job, lowers)).await??;
+    let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), &examined, job).await?;
     if let (Some(name), None) = (name, &submitted.cloud.name) {
         submitted.cloud = service.store.name_cloud(submitted.cloud.id, name).await?;
         if let Some(job) = &mut submitted.job {
@@ -292,19 +296,16 @@ fn read(
     upload: Upload,
     format: Format,
     options: &ReadOptions,
-    mut job: Option<(JobKind, Parameters)>,
+    mut job: Option<Job>,
     lowers: bool,
-) -> Result<(PointCloud, Option<(JobKind, Parameters)>), Problem> {
+) -> Result<(PointCloud, Examined, Option<Job>), Problem> {
     let cloud = reader::read(&upload.bytes, format, options)?;
     drop(upload);
+    let examined = Examined::of(&cloud);
     if let Some((_, parameters)) = &mut job {
-        if lowers {
-            admit_lowered(&cloud, parameters)?
-        } else {
-            admit(&cloud, parameters)?
-        };
+        if lowers { examined.admit_lowered(parameters)? } else { examined.admit(parameters)? }
     }
-    Ok((cloud, job))
+    Ok((cloud, examined, job))
 }
 
 pub(super) async fn answer(

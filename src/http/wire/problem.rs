@@ -257,8 +257,8 @@ impl From<StoreError> for Problem {
             StoreError::OverBudget { need, budget } => Self::new(
                 Kind::OverBudget,
                 format!(
-                    "the analysis needs about {need} bytes of memory and the service has {budget}; thin the cloud out or \
-                     ask for fewer bases"
+                    "the analysis needs about {need} bytes of memory and the service has {budget}; thin the cloud out, \
+                     ask for fewer bases, or leave out `exact` if it is set"
                 ),
             )
             .with("need", need)

@@ -2,8 +2,6 @@
 //!
 //! Vertices without lists stand at fixed distances and are decoded column by column out of checked slices.
 
-use rayon::prelude::*;
-
 use super::super::columns::Target;
 use super::super::number::{Number, Source};
 use super::super::text::shown;
@@ -14,11 +12,6 @@ use super::{FORMAT, Ply, ReadError};
 use crate::cloud::ScalarType;
 use crate::cloud::reader::Location;
 use crate::cloud::scalar::Stored;
-
-/// Rows decoded together: all their columns stay in the first cache.
-const BLOCK_ROWS: usize = 512;
-/// Rows that one thread decodes at a time.
-const PART_ROWS: usize = 128 * BLOCK_ROWS;
 
 pub(super) fn read(bytes: &[u8], header: &Header, order: ByteOrder, ply: &mut Ply) -> Result<(), ReadError> {
     let mut cursor = Cursor { bytes, position: header.body, order };
@@ -46,77 +39,43 @@ pub(super) fn read(bytes: &[u8], header: &Header, order: ByteOrder, ply: &mut Pl
     Ok(())
 }
 
-/// Rows of fixed length are decoded side by side, in parts of which each touches its own memory first.
+/// Rows of fixed length are decoded side by side.
 fn read_fixed_vertices(
     element: &Element,
     stride: usize,
     cursor: &mut Cursor<'_>,
     ply: &mut Ply,
 ) -> Result<(), ReadError> {
-    let block = cursor.take(stride * element.count, element, 0)?;
+    let rows = cursor.take(stride * element.count, element, 0)?;
     let columns = &mut ply.columns;
     columns.zeroed(element.count)?;
-    let dimension = columns.dimension;
-    let mut parts: Vec<Part<'_>> = columns
-        .coordinates
-        .chunks_mut(PART_ROWS * dimension)
-        .zip(block.chunks(PART_ROWS * stride))
-        .map(|(coordinates, rows)| Part { rows, coordinates, fields: Vec::new() })
-        .collect();
-    for field in &mut columns.fields {
-        for (part, values) in parts.iter_mut().zip(field.values.chunks_mut(PART_ROWS)) {
-            part.fields.push(values);
+    let (targets, dimension, order) = (columns.targets.clone(), columns.dimension, cursor.order);
+    let together = together(element, &targets, dimension);
+    columns.decode_blocks(rows, stride, |block| {
+        let rows = block.rows;
+        let is_decoded = together.is_some_and(|(offset, kind)| {
+            let points = block.coordinates.as_chunks_mut::<3>().0;
+            decode_points(rows, stride, offset, kind, order, points)
+        });
+        let mut offset = 0;
+        for ((_, kind), target) in element.scalars().zip(&targets) {
+            let source = Source { rows, stride, offset, number: Number::stored(kind, order) };
+            match *target {
+                Target::Coordinate(_) if is_decoded => {}
+                Target::Coordinate(axis) => {
+                    source.decode(Place { out: block.coordinates, stride: dimension, offset: axis });
+                }
+                Target::Field(field) => source.decode(Place::packed(block.field(field, stride))),
+                Target::Skipped => {}
+            }
+            offset += kind.size();
         }
-    }
-    let (targets, order) = (&columns.targets, cursor.order);
-    parts.into_par_iter().for_each(|part| part.decode(element, stride, (targets, dimension), order));
+    });
     Ok(())
 }
 
-/// Some rows, and where their numbers go.
-struct Part<'a> {
-    rows: &'a [u8],
-    coordinates: &'a mut [f64],
-    /// Of every field.
-    fields: Vec<&'a mut [f64]>,
-}
-
-impl Part<'_> {
-    fn decode(
-        self,
-        element: &Element,
-        stride: usize,
-        (targets, dimension): (&[Target], usize),
-        order: ByteOrder,
-    ) {
-        let Self { rows, coordinates, mut fields } = self;
-        let together = together(element, (targets, dimension));
-        for (index, rows) in rows.chunks(BLOCK_ROWS * stride).enumerate() {
-            let first = index * BLOCK_ROWS;
-            let is_decoded = together.is_some_and(|(offset, kind)| {
-                let points = &mut coordinates.as_chunks_mut::<3>().0[first..];
-                decode_points(rows, stride, offset, kind, order, points)
-            });
-            let mut offset = 0;
-            for ((_, kind), target) in element.scalars().zip(targets) {
-                let source = Source { rows, stride, offset, number: Number::stored(kind, order) };
-                match *target {
-                    Target::Coordinate(_) if is_decoded => {}
-                    Target::Coordinate(axis) => {
-                        let out = &mut coordinates[first * dimension..];
-                        source.decode(Place { out, stride: dimension, offset: axis });
-                    }
-                    Target::Field(field) => source.decode(Place::packed(&mut fields[field][first..])),
-                    Target::Skipped => {}
-                }
-                offset += kind.size();
-            }
-        }
-    }
-}
-
 /// Offset and type of x, y and z where these stand behind each other, have one type, and are all coordinates.
-fn together(element: &Element, (targets, dimension): (&[Target], usize)) -> Option<(usize, ScalarType)> {
+fn together(element: &Element, targets: &[Target], dimension: usize) -> Option<(usize, ScalarType)> {
     let axes = [0, 1, 2].map(Target::Coordinate);
     let first = targets.windows(3).position(|three| three == axes).filter(|_| dimension == 3)?;
     let kinds: Vec<Stored> = element.scalars().map(|(_, kind)| kind).collect();

@@ -49,12 +49,12 @@ impl Surface {
 
 #[test]
 fn values_of_a_sample_are_those_of_all_points_within_their_bounds() {
-    let even = Surface::of(sampled(Shape::BumpySphere, 30_000, Sampling::Uniform), false);
+    let even = Surface::of(sampled(Shape::BumpySphere, 40_000, Sampling::Uniform), false);
     let found = even.check_thinned(5_000, 1e-4);
     assert!(found.certificates.dual_residual.unwrap() < 0.01, "{:?}", found.certificates);
     // twice thinned
     let found = even.check_thinned(2_000, 1e-3);
-    assert!(found.solved_points < 500);
+    assert!(found.solved_points < 600);
     let iid = Surface::of(sampled(Shape::BumpySphere, 20_000, Sampling::Iid), false);
     iid.check_thinned(5_000, 1e-3);
     let kernel = Surface::of(sampled(Shape::Torus, 20_000, Sampling::Uniform), true);
