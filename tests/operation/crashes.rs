@@ -137,7 +137,8 @@ async fn whatever_is_killed_when_no_acknowledged_job_is_lost_and_no_result_is_pa
         let submitting = tokio::spawn(async move {
             for cloud in clouds {
                 // Another tolerance: another job, also on a cloud that is there already.
-                let query = format!("bases={BASES}&operator=voronoi&tolerance=1e-{}", 3 + round % 8);
+                let query =
+                    format!("bases={BASES}&operator=voronoi&tolerance=1.{round:03}e-{}", 3 + round % 8);
                 let Ok(job) = submit(&client, &address, &query, cloud).await else { return };
                 told.lock().unwrap().push(job);
             }

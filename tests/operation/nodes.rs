@@ -102,7 +102,7 @@ async fn whatever_nodes_and_server_do_every_acknowledged_job_ends_once() {
         let answering = if stopped.is_some() { last } else { NODES };
         for _ in 0..SUBMISSIONS {
             let node = &nodes.running[random.random_range(0..answering)];
-            let query = format!("bases={BASES}&operator=voronoi&tolerance=1e-{}", 3 + round % 8);
+            let query = format!("bases={BASES}&operator=voronoi&tolerance=1.{round:03}e-{}", 3 + round % 8);
             let cloud = sphere(random.random_range(30..130));
             // What is not acknowledged may be lost.
             if let Ok(job) = submit(&node.client, &node.address, &query, cloud).await {
