@@ -35,6 +35,7 @@ use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::{Rules, Survey};
 use crate::geometry::{Components, Frames, Points, Sampling, cells, components, frames};
+use crate::operator::bandwidth;
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::{Eigenbasis, Method, Problem, Request, Solution, Spectrum, Weyl, certificates, solve};
@@ -162,7 +163,7 @@ pub fn analyze_by(
         components: components.size.len(),
         sampling,
         heat_kernel: laplacian.heat_kernel,
-        additions,
+        additions: Additions { local_bandwidth: laplacian.times.is_some(), ..additions },
         nonzeros: laplacian.stiffness.nonzeros(),
         neighbors: laplacian.stiffness.nonzeros() as f64 / used as f64 - 1.0,
         warnings,
@@ -201,6 +202,7 @@ fn eigenpairs(
     report.warnings.extend(count.warning());
     let Connected { laplacian, narrow, components } = operator;
     let (heat_kernel, plateau, structure) = (laplacian.heat_kernel, laplacian.plateau, laplacian.structure);
+    let times = laplacian.times.clone();
     let problem = Problem::with_components(laplacian, components, first_eigenvalue(report, plateau));
     let narrow = narrow.map(|mut matrix| {
         let inverse: Vec<f64> = problem.root_mass.iter().map(|m| 1.0 / m).collect();
@@ -246,16 +248,21 @@ fn eigenpairs(
     let mut imaginary = solution.imaginary.clone();
     imaginary.resize(raw.len(), 0.0);
     let corrected = heat_kernel.filter(|_| report.additions.heat_correction);
-    let lambdas: Vec<f64> = raw
-        .iter()
-        .zip(&mut imaginary)
-        .map(|(&mu, b)| {
-            let (lambda, part) = corrected.map_or((mu, *b), |kernel| kernel.corrected_complex(mu, *b));
-            *b = part;
-            lambda
-        })
-        .collect();
     let row = |i: usize, y: &mut [f64]| solution.vectors.write_row(i, problem.root_mass[i], y);
+    let of_kernel = |(&mu, b): (&f64, &mut f64)| {
+        let (lambda, part) = corrected.map_or((mu, *b), |kernel| kernel.corrected_complex(mu, *b));
+        *b = part;
+        lambda
+    };
+    let lambdas: Vec<f64> = match (times, corrected) {
+        (Some(times), Some(_)) => {
+            let mut lambdas = bandwidth::corrected(&times, &raw, row, progress)?;
+            // where times differ the order of μ need not be that of λ
+            lambdas.sort_unstable_by(f64::total_cmp);
+            lambdas
+        }
+        _ => raw.iter().zip(&mut imaginary).map(of_kernel).collect(),
+    };
     let expected = |doubts: Doubts| doubts.expected(&lambdas, &problem.root_mass, row, progress);
     let expected_errors = doubts.map(expected).transpose()?;
     if let (Some(fidelity), Some(errors)) = (&mut report.fidelity, &expected_errors) {

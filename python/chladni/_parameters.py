@@ -35,6 +35,7 @@ class Parameters(TypedDict, total=False):
     surface_distances: bool
     """Measure distances in the kernel of `pb-mhb` along the surface."""
     moment_calibration: bool
+    local_bandwidth: bool
     """Scale the kernel of `pb-mhb` so that its second moment is right around every point."""
     heat_correction: bool
     """Report λ = −ln(1−tμ)/t beside the μ of the matrices."""

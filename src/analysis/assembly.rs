@@ -4,13 +4,13 @@ use super::memory::memory_with_entries;
 use super::{AnalysisError, Parameters};
 use crate::geometry::orientation::Orientation;
 use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
+use crate::operator::bandwidth::Bandwidth;
 use crate::operator::pb_mhb::Coupling;
 use crate::operator::pcd::Planes;
 use crate::operator::sheets::Sheets;
 use crate::operator::unfolding::Atlas;
 use crate::operator::{
-    HeatKernel, LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd,
-    voronoi,
+    LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd, voronoi,
 };
 use crate::progress::Progress;
 
@@ -22,6 +22,9 @@ const ENTRIES_MAX: usize = 200_000_000;
 
 /// Points whose neighbors are counted before the operator is assembled.
 const COUNTED: usize = 256;
+/// Points that one time for all couples each of with, in the mean, beyond which times follow the spacing: evenly sampled
+/// surfaces have about 20, random ones about 100, adaptively sampled scans up to 250, which are better off with one time.
+const COUPLED_ALIKE: usize = 300;
 
 /// The measured cloud.
 pub(super) struct Surface<'a> {
@@ -63,14 +66,14 @@ pub(super) fn assemble(
             // simplices count within half of what is triangulated
             (kernel, if parameters.operator.is_pcd() { 0.5 * kernel.delta } else { kernel.delta })
         };
-        check_coupling(points, tree, kernel.delta, reach, parameters, progress).map(|()| kernel)
+        check_coupling(points, tree, kernel.delta, |_| reach, parameters, progress).map(|()| kernel)
     };
     let volumes = || cells.volume.clone();
     let (laplacian, narrow) = match parameters.operator {
         OperatorKind::Voronoi => (LaplaceBeltrami::narrow(walls, volumes()), None),
         OperatorKind::Cotangent => (cotangent::build(points, triangles, progress)?, None),
         OperatorKind::PbMhb => {
-            (pb_mhb(surface, frames, &walls, kernel()?, parameters, warnings, progress)?, Some(walls))
+            (pb_mhb(surface, frames, &walls, parameters, warnings, progress)?, Some(walls))
         }
         OperatorKind::Mesh => {
             let narrow = cotangent::stiffness(points, triangles, progress)?;
@@ -95,7 +98,7 @@ pub(super) fn assemble(
         }
         kind @ (OperatorKind::Graph | OperatorKind::Kirchhoff | OperatorKind::Tutte) => {
             let delta = parameters.edge_length(sampling.epsilon);
-            check_coupling(points, tree, delta, delta, parameters, progress)?;
+            check_coupling(points, tree, delta, |_| delta, parameters, progress)?;
             let graph = graph::build(kind, points, tree, &walls, delta, progress)?;
             (graph.laplacian, Some(graph.narrow))
         }
@@ -138,13 +141,24 @@ fn pb_mhb(
     surface: &Surface<'_>,
     frames: Frames,
     walls: &Sparse,
-    kernel: HeatKernel,
     parameters: &Parameters,
     warnings: &mut Vec<String>,
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, AnalysisError> {
-    let Surface { points, tree, cells, stars, .. } = *surface;
+    let Surface { points, tree, cells, stars, sampling, .. } = *surface;
     let additions = parameters.additions();
+    let mut bandwidth = Bandwidth::even(points.len(), sampling.epsilon);
+    let mut kernel = parameters.heat_kernel(sampling.epsilon);
+    let is_local = parameters.local_bandwidth.unwrap_or_else(|| {
+        let is_free = !parameters.paper && parameters.t.or(parameters.delta).or(parameters.epsilon).is_none();
+        is_free && coupled(points, tree, |_| kernel.delta) > COUPLED_ALIKE
+    });
+    if is_local && additions.moment_calibration {
+        bandwidth = Bandwidth::of_cells(points, cells, walls, parameters.dimension);
+        kernel = parameters.heat_kernel(parameters.epsilon.unwrap_or(bandwidth.epsilon()));
+    }
+    let local = bandwidth.of_kernel(kernel);
+    check_coupling(points, tree, kernel.delta, |i| local.reach(i), parameters, progress)?;
     let stars = stars.filter(|_| additions.surface_distances);
     let sheets =
         (additions.sheet_aware || stars.is_some()).then(|| oriented(surface, frames, walls, warnings));
@@ -156,7 +170,7 @@ fn pb_mhb(
         (None, Some(sheets)) => Coupling::Sheet(sheets),
         (None, None) => Coupling::Ball,
     };
-    Ok(pb_mhb::build(points, tree, cells, &coupling, kernel, additions.moment_calibration, progress)?)
+    Ok(pb_mhb::build(points, tree, cells, &coupling, local, additions.moment_calibration, progress)?)
 }
 
 /// `D A D` with the diagonal `scale`.
@@ -166,24 +180,29 @@ fn scaled(mut matrix: Sparse, scale: impl Fn(usize) -> f64) -> Sparse {
     matrix
 }
 
-/// Refuses a δ that would couple everything with everything, within `reach` of it, and one whose matrix has no room.
-fn check_coupling(
-    points: &Points,
-    tree: &SearchTree,
-    delta: f64,
-    reach: f64,
-    parameters: &Parameters,
-    progress: &Progress,
-) -> Result<(), AnalysisError> {
+/// Points within `reach` of one, in the mean.
+fn coupled(points: &Points, tree: &SearchTree, reach: impl Fn(usize) -> f64) -> usize {
     let stride = points.len().div_ceil(COUNTED);
     let mut neighbors = Vec::new();
     let (mut counted, mut found) = (0, 0);
     for i in (0..points.len()).step_by(stride) {
-        tree.within(points, i, reach, &mut neighbors);
+        tree.within(points, i, reach(i), &mut neighbors);
         counted += 1;
         found += neighbors.len();
     }
-    let mean = found / counted;
+    found / counted
+}
+
+/// Refuses a δ that would couple everything with everything, within `reach` of each, and one whose matrix has no room.
+fn check_coupling(
+    points: &Points,
+    tree: &SearchTree,
+    delta: f64,
+    reach: impl Fn(usize) -> f64,
+    parameters: &Parameters,
+    progress: &Progress,
+) -> Result<(), AnalysisError> {
+    let mean = coupled(points, tree, reach);
     if mean > COUPLED_MAX && mean * points.len() > ENTRIES_MAX {
         return Err(AnalysisError::Parameter {
             name: "delta",

@@ -102,6 +102,8 @@ arguments! {
         surface_distances: Option<bool> = switch, absent "not paper";
         /// Scale the kernel of `pb-mhb` so that its second moment is right around every point.
         moment_calibration: Option<bool> = switch, absent "not paper";
+        /// Let t and δ of `pb-mhb` follow the local spacing, with t their mean; needs `moment_calibration`.
+        local_bandwidth: Option<bool> = switch, absent "where one t for all points would couple each with more than 300 others";
         /// Report λ = −ln(1−tμ)/t as eigenvalues, beside the raw μ of the matrices.
         heat_correction: Option<bool> = switch, absent "not paper";
     }
@@ -192,6 +194,7 @@ impl Parameters {
             sheet_aware: on(self.sheet_aware, measures_cells),
             surface_distances: on(self.surface_distances, unfolds),
             moment_calibration: on(self.moment_calibration, self.operator == PbMhb),
+            local_bandwidth: false,
             heat_correction: on(self.heat_correction, self.operator.is_heat_kernel()),
         }
     }
@@ -289,6 +292,9 @@ pub struct Additions {
     /// Scale the kernel so that its second moment is right around every point.
     #[serde(default)]
     pub moment_calibration: bool,
+    /// t and δ follow the local spacing: known when the operator has been assembled.
+    #[serde(default)]
+    pub local_bandwidth: bool,
     /// Report λ = −ln(1−tμ)/t beside the raw μ.
     pub heat_correction: bool,
 }

@@ -150,6 +150,7 @@ impl Parameters {
             sheet_aware: Some(additions.sheet_aware),
             surface_distances: Some(additions.surface_distances),
             moment_calibration: Some(additions.moment_calibration),
+            local_bandwidth: Some(additions.local_bandwidth),
             heat_correction: Some(additions.heat_correction),
             ..self.clone()
         }

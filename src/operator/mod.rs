@@ -3,6 +3,7 @@
 //! Every operator is a pair of stiffness `S` and mass `B`: `L = −B⁻¹ S` approximates the Laplace–Beltrami operator Δ,
 //! and `S h = μ B h` is its eigenproblem. The papers' `Q` is `−S`.
 
+pub mod bandwidth;
 pub mod cotangent;
 pub mod graph;
 pub mod heat_kernel;
@@ -44,6 +45,8 @@ pub struct LaplaceBeltrami {
     pub harmonic: Option<Vec<f64>>,
     /// Present when `μ = (1 − exp(−tλ))/t` rather than λ are the eigenvalues.
     pub heat_kernel: Option<HeatKernel>,
+    /// The kernel's time at every point, where it is not the same everywhere.
+    pub times: Option<Vec<f64>>,
     /// `1/μ` at the upper end of the spectrum of an operator with long rows, which is flat there: t of a heat kernel.
     pub plateau: Option<f64>,
 }
@@ -58,6 +61,7 @@ impl LaplaceBeltrami {
             structure: Structure::SemiDefinite,
             harmonic: None,
             heat_kernel: None,
+            times: None,
             plateau: None,
         }
     }
@@ -76,6 +80,7 @@ impl LaplaceBeltrami {
             stiffness: self.stiffness.restricted_to(keep),
             mass: select(&self.mass),
             harmonic: self.harmonic.as_ref().map(select),
+            times: self.times.as_ref().map(select),
             ..*self
         }
     }

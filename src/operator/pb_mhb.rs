@@ -1,7 +1,10 @@
 //! Point-Based Manifold Harmonics: the symmetrizable Voronoi-weighted heat-kernel operator [PBMHB §3.3–3.4].
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use super::bandwidth::LocalKernel;
 use super::sheets::Sheets;
 use super::unfolding::Atlas;
 use super::{HeatKernel, LaplaceBeltrami, Sparse};
@@ -56,8 +59,8 @@ pub const DELTA_FACTOR_PAPER: f64 = 5.0;
 /// Rounds in which the moments are calibrated; eight change the eigenvalues by less than 0.1 %.
 const ROUNDS: usize = 4;
 
-/// Entries of the matrix that one task works on, at the least.
-const ENTRIES_PER_TASK: usize = 1 << 14;
+/// Rows of the matrix that one task works on.
+const ROWS_PER_TASK: usize = 512;
 
 /// Most that one round changes a moment by.
 const CHANGE_MAX: f64 = 10.0;
@@ -91,27 +94,31 @@ pub fn build(
     tree: &SearchTree,
     cells: &Cells,
     coupling: &Coupling<'_>,
-    kernel: HeatKernel,
+    local: LocalKernel<'_>,
     calibrate: bool,
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, Canceled> {
+    let kernel = local.mean;
+    let reach = |i: usize| local.reach(i);
     let mut stiffness = match coupling {
-        Coupling::Ball => in_ball(points, tree, kernel.delta, |_, _| true, progress)?,
-        Coupling::Sheet(sheets) => in_ball(points, tree, kernel.delta, |i, j| sheets.same(i, j), progress)?,
-        Coupling::Surface(atlas) => atlas.squared_distances(kernel.delta, progress)?,
+        Coupling::Ball => in_ball(points, tree, reach, |_, _| true, progress)?,
+        Coupling::Sheet(sheets) => in_ball(points, tree, reach, |i, j| sheets.same(i, j), progress)?,
+        Coupling::Surface(atlas) => atlas.squared_distances(reach, progress)?,
     };
-    let areas = &cells.volume;
-    let mut weights = areas.clone();
-    let (factor, exponent) = (kernel.factor(), -0.25 / kernel.t);
-    // exponentials are dear: they are taken once
-    let gaussian: Vec<f64> = stiffness
-        .values()
-        .par_iter()
-        .with_min_len(ENTRIES_PER_TASK)
-        .map(|squared| (exponent * squared).exp())
+    let times = local.times();
+    // the factor and the exponent of a pair are the products of what its ends have
+    let narrowness: Vec<f64> = times.iter().map(|t| 0.5 / t.sqrt()).collect();
+    let mut weights: Vec<f64> = times
+        .iter()
+        .zip(&cells.volume)
+        .map(|(&t, area)| {
+            area * HeatKernel { t, delta: kernel.delta * (t / kernel.t).sqrt(), ..kernel }.factor().sqrt()
+        })
         .collect();
+    // exponentials are dear: they are taken once
+    let gaussian = gaussian(&stiffness, &narrowness);
     if calibrate {
-        let scale = calibration(&stiffness, &gaussian, areas, kernel, progress)?;
+        let scale = calibration(&stiffness, &gaussian, &cells.volume, &weights, kernel.dimension, progress)?;
         weights.iter_mut().zip(scale).for_each(|(weight, scale)| *weight *= scale);
     }
     let offsets = stiffness.offsets().to_vec();
@@ -120,7 +127,7 @@ pub fn build(
         let gaussian = &gaussian[offsets[i]..offsets[i + 1]];
         for ((&j, value), gaussian) in columns.iter().zip(values.iter_mut()).zip(gaussian) {
             if j as usize != i {
-                let weight = weights[i] * weights[j as usize] * factor * gaussian;
+                let weight = weights[i] * weights[j as usize] * gaussian;
                 sum += weight;
                 *value = -weight;
             }
@@ -129,38 +136,83 @@ pub fn build(
             values[diagonal] = sum;
         }
     });
-    Ok(LaplaceBeltrami::diffusive(stiffness, areas.clone(), kernel))
+    let times = local.varies().then_some(times);
+    Ok(LaplaceBeltrami { times, ..LaplaceBeltrami::diffusive(stiffness, cells.volume.clone(), kernel) })
 }
 
-/// Squared Euclidean distances up to `radius` between those that are coupled, the diagonal zero.
+/// `exp(−d²/4t)` of every entry d² of a matrix, `1/4t` being the product of the `narrowness` of both ends.
+fn gaussian(squared_distances: &Sparse, narrowness: &[f64]) -> Vec<f64> {
+    let (n, offsets) = (squared_distances.rows(), squared_distances.offsets());
+    let mut gaussian = vec![0.0; squared_distances.nonzeros()];
+    let mut rest = gaussian.as_mut_slice();
+    let mut tasks: Vec<(Range<usize>, &mut [f64])> = Vec::with_capacity(n.div_ceil(ROWS_PER_TASK));
+    for first in (0..n).step_by(ROWS_PER_TASK) {
+        let rows = first..n.min(first + ROWS_PER_TASK);
+        let (own, behind) = rest.split_at_mut(offsets[rows.end] - offsets[first]);
+        tasks.push((rows, own));
+        rest = behind;
+    }
+    tasks.into_par_iter().for_each(|(rows, own)| {
+        let entries = rows.flat_map(|i| {
+            let (columns, squared) = squared_distances.row(i);
+            columns
+                .iter()
+                .zip(squared)
+                .map(move |(&j, squared)| narrowness[i] * narrowness[j as usize] * squared)
+        });
+        own.iter_mut().zip(entries).for_each(|(gaussian, exponent)| *gaussian = (-exponent).exp());
+    });
+    gaussian
+}
+
+/// Squared Euclidean distances up to the geometric mean of the `radius` of both ends, between those that are coupled; the
+/// diagonal zero.
 fn in_ball(
     points: &Points,
     tree: &SearchTree,
-    radius: f64,
+    radius: impl Fn(usize) -> f64 + Sync + Send,
     couples: impl Fn(usize, usize) -> bool + Sync + Send,
     progress: &Progress,
 ) -> Result<Sparse, Canceled> {
     let n = points.len();
-    Sparse::from_rows(
+    let seen = Sparse::from_rows(
         n,
         Vec::new,
         |i, neighbors, row| {
             if progress.is_canceled() {
                 return;
             }
-            tree.within(points, i, radius, neighbors);
-            let coupled = neighbors.iter().filter(|q| couples(i, q.index as usize));
+            // a pair's end of the larger radius reaches the other one
+            tree.within(points, i, radius(i), neighbors);
+            let near = |j: usize, squared: f64| squared <= radius(i) * radius(j);
+            let coupled = neighbors
+                .iter()
+                .filter(|q| near(q.index as usize, q.squared_distance) && couples(i, q.index as usize));
             row.extend(coupled.map(|q| (q.index, q.squared_distance)));
             let place = row.partition_point(|&(j, _)| (j as usize) < i);
             row.insert(place, (i as u32, 0.0));
         },
-        |rows| progress.advance(0.7 * rows as f64 / n as f64),
+        |rows| progress.advance(0.6 * rows as f64 / n as f64),
+    )?;
+    let unseen = seen.seen_from_elsewhere();
+    if unseen.iter().all(Vec::is_empty) {
+        return Ok(seen);
+    }
+    Sparse::from_rows(
+        n,
+        || (),
+        |i, (), row| {
+            let (columns, squared) = seen.row(i);
+            row.extend(columns.iter().copied().zip(squared.iter().copied()).chain(unseen[i].iter().copied()));
+            row.sort_unstable_by_key(|&(j, _)| j);
+        },
+        |rows| progress.advance(0.6 + 0.1 * rows as f64 / n as f64),
     )
 }
 
 /// Positive numbers s with which `s_i s_j q_ij` has the second moment of the heat kernel around every point:
-/// `Σ_j s_i s_j q_ij d_ij² = 2k·a_i`, the diagonal of the carré du champ of the coordinates (k the intrinsic dimension).
-/// `gaussian` are the entries of `exp(−d²/4t)`.
+/// `Σ_j s_i s_j q_ij d_ij² = 2k·a_i`, the diagonal of the carré du champ of the coordinates (k the intrinsic dimension);
+/// `q_ij` are the products of the `weights` of both ends with the entries of `gaussian`.
 ///
 /// Ours. A lattice that is coarse for the Gaussian, uneven sampling, and rims, beyond which there are no points, each
 /// give the sum another value; scaling both sides restores it and keeps symmetry, signs and zero row sums. Every round
@@ -169,11 +221,13 @@ fn calibration(
     squared_distances: &Sparse,
     gaussian: &[f64],
     areas: &[f64],
-    kernel: HeatKernel,
+    weights: &[f64],
+    dimension: usize,
     progress: &Progress,
 ) -> Result<Vec<f64>, Canceled> {
-    let (factor, offsets) = (kernel.factor(), squared_distances.offsets());
-    let target = 2.0 * kernel.dimension as f64;
+    let offsets = squared_distances.offsets();
+    let target = 2.0 * dimension as f64;
+    let mut scaled = weights.to_vec();
     let mut scale = vec![1.0; areas.len()];
     for round in 0..ROUNDS {
         progress.advance(0.7 + 0.3 * round as f64 / ROUNDS as f64)?;
@@ -183,14 +237,15 @@ fn calibration(
                 .iter()
                 .zip(squared)
                 .zip(&gaussian[offsets[i]..offsets[i + 1]])
-                .map(|((&j, &squared), gaussian)| areas[j as usize] * scale[j as usize] * gaussian * squared)
+                .map(|((&j, &squared), gaussian)| scaled[j as usize] * gaussian * squared)
                 .sum();
-            let missing = target / (scale[i] * factor * moment);
+            let missing = target * areas[i] / (scaled[i] * moment);
             // nothing is known of a point without neighbors
             let missing = if moment > 0.0 { missing.clamp(1.0 / CHANGE_MAX, CHANGE_MAX) } else { 1.0 };
             scale[i] * missing.sqrt()
         });
         scale = next.collect();
+        scaled = scale.iter().zip(weights).map(|(scale, weight)| scale * weight).collect();
     }
     Ok(scale)
 }
@@ -228,7 +283,8 @@ mod tests {
         )
         .unwrap();
         let gaussian: Vec<f64> = near.values().iter().map(|squared| (-0.5 * squared).exp()).collect();
-        let scale = calibration(&near, &gaussian, &areas, kernel, &Progress::new()).unwrap();
+        let weights: Vec<f64> = areas.iter().map(|area| area * kernel.factor().sqrt()).collect();
+        let scale = calibration(&near, &gaussian, &areas, &weights, 2, &Progress::new()).unwrap();
         let moment = |scale: &[f64], i: usize| {
             let (columns, squared) = near.row(i);
             let sum: f64 = columns

@@ -119,6 +119,24 @@ impl Sparse {
         self.row(i).0.iter().copied().filter(move |&j| j as usize != i)
     }
 
+    /// For every row the columns in which it occurs without containing them itself, with the values there.
+    #[must_use]
+    pub fn seen_from_elsewhere(&self) -> Vec<Vec<(u32, f64)>> {
+        let one_sided = |i: usize| {
+            let (columns, values) = self.row(i);
+            let is_seen_back = move |j: u32| self.row(j as usize).0.binary_search(&(i as u32)).is_ok();
+            let entries = columns.iter().zip(values).filter(move |(j, _)| !is_seen_back(**j));
+            entries.map(move |(&j, &value)| (j, i as u32, value))
+        };
+        let few: Vec<(u32, u32, f64)> =
+            (0..self.rows()).into_par_iter().with_min_len(512).flat_map_iter(one_sided).collect();
+        let mut unseen = vec![Vec::new(); self.rows()];
+        for (j, i, value) in few {
+            unseen[j as usize].push((i, value));
+        }
+        unseen
+    }
+
     /// Offsets of the rows, n+1.
     #[must_use]
     pub fn offsets(&self) -> &[usize] {

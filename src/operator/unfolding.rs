@@ -54,12 +54,16 @@ impl<'a> Atlas<'a> {
         Self { points, stars, sheets, offsets, back }
     }
 
-    /// Squared distances along the surface up to `radius`: symmetric, the diagonal zero. Where the two ends of a pair
-    /// find different distances, their mean counts.
+    /// Squared distances along the surface up to the geometric mean of the `radius` of both ends: symmetric, the diagonal
+    /// zero. Where the two ends of a pair find different distances, their mean counts.
     ///
     /// # Errors
     /// [`Canceled`].
-    pub fn squared_distances(&self, radius: f64, progress: &Progress) -> Result<Sparse, Canceled> {
+    pub fn squared_distances(
+        &self,
+        radius: impl Fn(usize) -> f64 + Sync + Send,
+        progress: &Progress,
+    ) -> Result<Sparse, Canceled> {
         let n = self.stars.len();
         let seen = Sparse::from_rows(
             n,
@@ -68,13 +72,14 @@ impl<'a> Atlas<'a> {
                 if progress.is_canceled() {
                     return;
                 }
-                walk.from(self, i, radius);
+                // a pair's end of the larger radius reaches the other one
+                walk.from(self, i, radius(i));
                 row.extend(walk.nodes.iter().map(|node| (node.point, node.distance)));
                 row.sort_unstable_by_key(|&(j, _)| j);
             },
             |rows| progress.advance(0.6 * rows as f64 / n as f64),
         )?;
-        let unseen = unseen(&seen);
+        let unseen = seen.seen_from_elsewhere();
         Sparse::from_rows(
             n,
             || (),
@@ -87,28 +92,12 @@ impl<'a> Atlas<'a> {
                     (j, mean * mean)
                 }));
                 row.extend(unseen[i].iter().map(|&(j, distance)| (j, distance * distance)));
+                row.retain(|&(j, squared)| squared <= radius(i) * radius(j as usize));
                 row.sort_unstable_by_key(|&(j, _)| j);
             },
             |rows| progress.advance(0.6 + 0.1 * rows as f64 / n as f64),
         )
     }
-}
-
-/// For every row the columns in which it occurs without containing them itself.
-fn unseen(seen: &Sparse) -> Vec<Vec<(u32, f64)>> {
-    let one_sided = |i: usize| {
-        let (columns, distances) = seen.row(i);
-        let is_seen_back = move |j: u32| seen.row(j as usize).0.binary_search(&(i as u32)).is_ok();
-        let entries = columns.iter().zip(distances).filter(move |(j, _)| !is_seen_back(**j));
-        entries.map(move |(&j, &distance)| (j, i as u32, distance))
-    };
-    let few: Vec<(u32, u32, f64)> =
-        (0..seen.rows()).into_par_iter().with_min_len(512).flat_map_iter(one_sided).collect();
-    let mut unseen = vec![Vec::new(); seen.rows()];
-    for (j, i, distance) in few {
-        unseen[j as usize].push((i, distance));
-    }
-    unseen
 }
 
 /// Offsets of the spokes of point `i` in its own plane. Triangles keep their angles, gaps that of the projection;
@@ -318,7 +307,7 @@ mod tests {
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
         let sheets = Sheets::orient(frames, &walls);
         let squared =
-            Atlas::new(&points, &stars, &sheets).squared_distances(radius, &Progress::new()).unwrap();
+            Atlas::new(&points, &stars, &sheets).squared_distances(|_| radius, &Progress::new()).unwrap();
         move |a, b| {
             let (i, j) = (points.of_row(a).unwrap(), points.of_row(b).unwrap() as u32);
             let (columns, values) = squared.row(i);

@@ -288,7 +288,7 @@ impl Store {
 /// versions, and nodes of an older one, which refuse fields that they do not know, read it.
 fn text_of(parameters: &Parameters) -> Result<String, StoreError> {
     let mut text = to_json(parameters)?;
-    for unused in [r#""exact":false,"#, r#""solved_points":null,"#] {
+    for unused in [r#""exact":false,"#, r#""solved_points":null,"#, r#""local_bandwidth":null,"#] {
         text = text.replace(unused, "");
     }
     Ok(text)
@@ -344,6 +344,7 @@ mod tests {
             Parameters::default(),
             Parameters { exact: true, ..Parameters::default() },
             Parameters { solved_points: Some(5_000), ..Parameters::default() },
+            Parameters { local_bandwidth: Some(false), ..Parameters::default() },
         ] {
             let read: Parameters = serde_json::from_str(&text_of(&used).unwrap()).unwrap();
             assert_eq!(read, used);

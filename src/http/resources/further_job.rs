@@ -83,9 +83,9 @@ pub(crate) async fn post_job(
     };
     drop(reservation);
     if lowers {
-        examined.admit_lowered(&mut parameters)?
+        examined.admit_lowered(&mut parameters)?;
     } else {
-        examined.admit(&parameters)?
+        examined.admit(&parameters)?;
     }
     let submitted = service.store.submit_job(id, kind, parameters).await?;
     remember(&service, &owner, key.as_ref(), &submitted).await?;

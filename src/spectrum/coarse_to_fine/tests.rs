@@ -7,6 +7,7 @@ use crate::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
 use crate::cloud::{NonFinite, PointCloud};
 use crate::geometry::survey::{Rules, Survey};
 use crate::geometry::{NearestNeighbors, Points, SearchTree, frames};
+use crate::operator::bandwidth::Bandwidth;
 use crate::operator::pb_mhb::{self, Coupling};
 use crate::operator::{HeatKernel, LaplaceBeltrami, voronoi};
 use crate::progress::Canceled;
@@ -46,11 +47,12 @@ impl Surface {
         let (laplacian, narrow) = match kernel {
             None => (LaplaceBeltrami::narrow(walls, cells.volume), None),
             Some(kernel) => {
-                let build =
-                    |coupling| pb_mhb::build(&points, &tree, &cells, &coupling, kernel, true, &progress);
+                let even = Bandwidth::even(points.len(), 1.0);
+                let local = even.of_kernel(kernel);
+                let built = pb_mhb::build(&points, &tree, &cells, &Coupling::Ball, local, true, &progress);
                 let mut narrow = walls;
                 narrow.scale_both_sides(&inverse);
-                (build(Coupling::Ball).unwrap(), Some(narrow))
+                (built.unwrap(), Some(narrow))
             }
         };
         let weyl = Weyl { first, dimension: 2, t: kernel.map(|kernel| kernel.t) };
