@@ -150,7 +150,7 @@ fn pb_mhb(
     let mut bandwidth = Bandwidth::even(points.len(), sampling.epsilon);
     let mut kernel = parameters.heat_kernel(sampling.epsilon);
     let is_local = parameters.local_bandwidth.unwrap_or_else(|| {
-        let is_free = !parameters.paper && parameters.t.or(parameters.delta).or(parameters.epsilon).is_none();
+        let is_free = !parameters.paper && parameters.delta.or(parameters.delta_factor).is_none();
         is_free && coupled(points, tree, |_| kernel.delta) > COUPLED_ALIKE
     });
     if is_local && additions.moment_calibration {

@@ -103,7 +103,7 @@ arguments! {
         /// Scale the kernel of `pb-mhb` so that its second moment is right around every point.
         moment_calibration: Option<bool> = switch, absent "not paper";
         /// Let t and δ of `pb-mhb` follow the local spacing, with t their mean; needs `moment_calibration`.
-        local_bandwidth: Option<bool> = switch, absent "where one t for all points would couple each with more than 300 others";
+        local_bandwidth: Option<bool> = switch, absent "on surfaces where one t would couple each point with more than 300 others";
         /// Report λ = −ln(1−tμ)/t as eigenvalues, beside the raw μ of the matrices.
         heat_correction: Option<bool> = switch, absent "not paper";
     }
@@ -226,7 +226,8 @@ impl Parameters {
     /// The parameters with the t that resolves points which are `stretch` times as far apart in one direction as in the other.
     pub(super) fn for_stretch(self, stretch: f64) -> Self {
         if !self.resolves_stretch() {
-            return self;
+            // a t that was chosen is that of all points
+            return Self { local_bandwidth: self.local_bandwidth.or(Some(false)), ..self };
         }
         Self { t_factor: Some(pb_mhb::t_factor_of_stretched(stretch)), ..self }
     }

@@ -6,7 +6,7 @@ use crate::cloud::PointCloud;
 use crate::progress::Canceled;
 
 /// Marks a row of the upload that carries no result.
-const NO_POINT: u32 = u32::MAX;
+pub(super) const NO_POINT: u32 = u32::MAX;
 
 /// Why points cannot carry a surface operator.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -74,63 +74,7 @@ fn flat(spanned: usize) -> &'static str {
 pub const POINTS_MIN: usize = 5;
 
 /// Extents whose squares double precision holds with room to spare.
-const EXTENTS: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
-
-/// What decides whether an analysis can begin with a cloud's points.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Span {
-    /// Rows of the upload.
-    pub rows: usize,
-    /// Ambient dimension d.
-    pub ambient: usize,
-    /// Distinct finite points.
-    pub distinct: usize,
-    /// Longest side of the bounding box; the largest number where that overflows.
-    pub extent: f64,
-    /// Dimensions that the points span, counted up to the intrinsic dimension that was looked for.
-    pub dimensions: usize,
-}
-
-impl Span {
-    /// That of the distinct points of a cloud, where `enough` dimensions are as good as more.
-    #[must_use]
-    pub fn of(cloud: &PointCloud, points: &Points, enough: usize) -> Self {
-        let extent = cloud.bounding_box().map_or(0.0, |(low, high)| longest(&low, &high));
-        let dimensions = if EXTENTS.contains(&extent) { points.dimensions_spanned(enough) } else { 0 };
-        let (rows, ambient) = (cloud.len(), cloud.dimension());
-        Self { rows, ambient, distinct: points.len(), extent: extent.min(f64::MAX), dimensions }
-    }
-
-    /// Checks that the points can sample a manifold.
-    ///
-    /// # Errors
-    /// [`GeometryError`] when there are fewer than [`POINTS_MIN`] or more than 32 bits number, when they span fewer than
-    /// `intrinsic` dimensions, or when their extent cannot be squared.
-    pub fn check(&self, intrinsic: usize) -> Result<(), GeometryError> {
-        let &Self { rows, ambient, distinct, extent, dimensions } = self;
-        if intrinsic > ambient {
-            return Err(GeometryError::Intrinsic { intrinsic, ambient });
-        }
-        if rows >= NO_POINT as usize {
-            return Err(GeometryError::TooManyPoints { rows, limit: NO_POINT as usize - 1 });
-        }
-        if distinct > 0 && extent != 0.0 && !EXTENTS.contains(&extent) {
-            return Err(GeometryError::Extent { extent });
-        }
-        if distinct < POINTS_MIN {
-            return Err(GeometryError::TooFewPoints { distinct, rows, needed: POINTS_MIN });
-        }
-        if dimensions < intrinsic {
-            return Err(GeometryError::Flat { spanned: dimensions, needed: intrinsic });
-        }
-        Ok(())
-    }
-}
-
-/// Longest side of a box.
-fn longest(low: &[f64], high: &[f64]) -> f64 {
-    low.iter().zip(high).map(|(l, h)| h - l).fold(0.0, f64::max)
-}
+pub(super) const EXTENTS: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
 /// Finite, distinct points of `R^d`, recentred to the middle of their bounding box, in Morton order, so that
 /// neighbors in space are neighbors in memory.
@@ -148,17 +92,8 @@ pub struct Points {
 }
 
 impl Points {
-    /// Selects, merges, recentres and orders the rows of a cloud. Exact repetitions of a position are merged.
-    ///
-    /// # Errors
-    /// As [`Span::check`].
-    pub fn prepare(cloud: &PointCloud, intrinsic: usize) -> Result<Self, GeometryError> {
-        let points = Self::distinct(cloud);
-        Span::of(cloud, &points, intrinsic).check(intrinsic)?;
-        Ok(points)
-    }
-
-    /// The same without a look at whether an analysis can begin with them.
+    /// Selects, merges, recentres and orders the rows of a cloud, whether an analysis can begin with them or not. Exact
+    /// repetitions of a position are merged.
     #[must_use]
     pub fn distinct(cloud: &PointCloud) -> Self {
         let d = cloud.dimension();
@@ -287,7 +222,7 @@ impl Points {
 
     /// Number of dimensions, at most `enough`, that the points span: farthest points first, until no point is farther
     /// from the flat through them than rounding explains.
-    fn dimensions_spanned(&self, enough: usize) -> usize {
+    pub(super) fn dimensions_spanned(&self, enough: usize) -> usize {
         if self.len() == 0 {
             return 0;
         }
@@ -376,6 +311,11 @@ impl Points {
     pub fn rows(&self) -> usize {
         self.point_of_row.len()
     }
+}
+
+/// Longest side of a box.
+pub(super) fn longest(low: &[f64], high: &[f64]) -> f64 {
+    low.iter().zip(high).map(|(l, h)| h - l).fold(0.0, f64::max)
 }
 
 /// Squared Euclidean distance.

@@ -1,0 +1,67 @@
+//! What decides whether an analysis can begin with a cloud's points.
+
+use super::points::{EXTENTS, GeometryError, NO_POINT, POINTS_MIN, Points, longest};
+use crate::cloud::PointCloud;
+
+/// What decides whether an analysis can begin with a cloud's points.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Span {
+    /// Rows of the upload.
+    pub rows: usize,
+    /// Ambient dimension d.
+    pub ambient: usize,
+    /// Distinct finite points.
+    pub distinct: usize,
+    /// Longest side of the bounding box; the largest number where that overflows.
+    pub extent: f64,
+    /// Dimensions that the points span, counted up to the intrinsic dimension that was looked for.
+    pub dimensions: usize,
+}
+
+impl Span {
+    /// That of the distinct points of a cloud, where `enough` dimensions are as good as more.
+    #[must_use]
+    pub fn of(cloud: &PointCloud, points: &Points, enough: usize) -> Self {
+        let extent = cloud.bounding_box().map_or(0.0, |(low, high)| longest(&low, &high));
+        let dimensions = if EXTENTS.contains(&extent) { points.dimensions_spanned(enough) } else { 0 };
+        let (rows, ambient) = (cloud.len(), cloud.dimension());
+        Self { rows, ambient, distinct: points.len(), extent: extent.min(f64::MAX), dimensions }
+    }
+
+    /// Checks that the points can sample a manifold.
+    ///
+    /// # Errors
+    /// [`GeometryError`] when there are fewer than [`POINTS_MIN`] or more than 32 bits number, when they span fewer than
+    /// `intrinsic` dimensions, or when their extent cannot be squared.
+    pub fn check(&self, intrinsic: usize) -> Result<(), GeometryError> {
+        let &Self { rows, ambient, distinct, extent, dimensions } = self;
+        if intrinsic > ambient {
+            return Err(GeometryError::Intrinsic { intrinsic, ambient });
+        }
+        if rows >= NO_POINT as usize {
+            return Err(GeometryError::TooManyPoints { rows, limit: NO_POINT as usize - 1 });
+        }
+        if distinct > 0 && extent != 0.0 && !EXTENTS.contains(&extent) {
+            return Err(GeometryError::Extent { extent });
+        }
+        if distinct < POINTS_MIN {
+            return Err(GeometryError::TooFewPoints { distinct, rows, needed: POINTS_MIN });
+        }
+        if dimensions < intrinsic {
+            return Err(GeometryError::Flat { spanned: dimensions, needed: intrinsic });
+        }
+        Ok(())
+    }
+}
+
+impl Points {
+    /// [`Self::distinct`] points that an analysis can begin with.
+    ///
+    /// # Errors
+    /// As [`Span::check`].
+    pub fn prepare(cloud: &PointCloud, intrinsic: usize) -> Result<Self, GeometryError> {
+        let points = Self::distinct(cloud);
+        Span::of(cloud, &points, intrinsic).check(intrinsic)?;
+        Ok(points)
+    }
+}
