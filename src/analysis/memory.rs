@@ -31,7 +31,7 @@ const ENTRY_BYTES: u64 = 40;
 const STORED_BYTES: u64 = 16;
 /// Bytes of any job: stacks and arenas of its threads, what the allocator has not given back yet, the cloud on its way from
 /// the database.
-const JOB_BYTES: u64 = 44_000_000;
+const JOB_BYTES: u64 = 40_000_000;
 /// How many times fewer points a thinned sample has at least, thinned out once, twice and three times.
 const THINNED: [u64; 3] = [7, 49, 343];
 /// Fewest points of a sample per basis.
