@@ -20,7 +20,7 @@ use crate::cloud::{NonFinite, PointCloud, ScalarField};
 impl Store {
     /// Stores a cloud and, if asked, queues a job on it: one transaction, so that neither is there without the other.
     ///
-    /// Copies the cloud, which becomes nobody's; [`Self::submit_shared`] does neither.
+    /// Copies the cloud, which becomes nobody's, and looks at it on the caller's thread; [`Self::submit_shared`] does neither.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -29,9 +29,7 @@ impl Store {
         cloud: &PointCloud,
         job: Option<(JobKind, Parameters)>,
     ) -> Result<Submitted, StoreError> {
-        let cloud = Arc::new(cloud.clone());
-        let shared = Arc::clone(&cloud);
-        let examined = off_thread(move || Ok(Examined::of(&shared))).await?;
+        let (cloud, examined) = (Arc::new(cloud.clone()), Examined::of(cloud));
         self.submit_shared(&Owner::nobody(), cloud, &examined, job).await
     }
 
