@@ -140,8 +140,14 @@ fn smoothed(cells: &Cells, walls: &Sparse) -> Vec<f64> {
             })
             .collect();
     }
-    let mean =
-        |(&[logs, cells], volume): (&[f64; 2], &f64)| if cells > 0.0 { logs / cells } else { volume.ln() };
+    // of what has no closed cell nearby nothing is known but its own volume, of an unmeasured cell not even that
+    let of_all = sums.iter().fold([0.0, 0.0], |[a, b], [logs, cells]| [a + logs, b + cells]);
+    let otherwise = if of_all[1] > 0.0 { of_all[0] / of_all[1] } else { 0.0 };
+    let mean = |(&[logs, cells], &volume): (&[f64; 2], &f64)| match (cells > 0.0, volume > 0.0) {
+        (true, _) => logs / cells,
+        (false, true) => volume.ln(),
+        (false, false) => otherwise,
+    };
     sums.iter().zip(&cells.volume).map(mean).collect()
 }
 
@@ -257,7 +263,6 @@ mod tests {
     use super::*;
     use crate::geometry::stars::tests::{jitter, stars_of};
     use crate::operator::voronoi;
-    use crate::progress::Progress;
 
     fn bandwidth(rows: &[[f64; 3]]) -> (Bandwidth, Vec<f64>) {
         let (points, _, stars) = stars_of(rows);
@@ -304,6 +309,24 @@ mod tests {
         };
         let ratio = near(105.0) / near(20.0);
         assert!((ratio / 9.0 - 1.0).abs() < 0.1, "{ratio}");
+    }
+
+    #[test]
+    fn a_cell_that_could_not_be_measured_has_a_time_too() {
+        let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
+        let (points, _, stars) = stars_of(&rows);
+        let mut cells = stars.cells(&points);
+        let walls = Sparse::from_rows(
+            rows.len(),
+            || (),
+            |i, (), row| row.push((i as u32, 0.0)),
+            |_| Progress::new().checkpoint(),
+        )
+        .unwrap();
+        cells.kind[50] = CellKind::Invalid;
+        cells.volume[50] = 0.0;
+        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2);
+        assert!(bandwidth.relative.iter().all(|t| t.is_finite() && *t > 0.0), "{bandwidth:?}");
     }
 
     #[test]

@@ -101,8 +101,8 @@ pub fn build(
     let kernel = local.mean;
     let reach = |i: usize| local.reach(i);
     let mut stiffness = match coupling {
-        Coupling::Ball => in_ball(points, tree, reach, |_, _| true, progress)?,
-        Coupling::Sheet(sheets) => in_ball(points, tree, reach, |i, j| sheets.same(i, j), progress)?,
+        Coupling::Ball => in_ball(points, tree, local, |_, _| true, progress)?,
+        Coupling::Sheet(sheets) => in_ball(points, tree, local, |i, j| sheets.same(i, j), progress)?,
         Coupling::Surface(atlas) => atlas.squared_distances(reach, progress)?,
     };
     let times = local.times();
@@ -165,16 +165,17 @@ fn gaussian(squared_distances: &Sparse, narrowness: &[f64]) -> Vec<f64> {
     gaussian
 }
 
-/// Squared Euclidean distances up to the geometric mean of the `radius` of both ends, between those that are coupled; the
+/// Squared Euclidean distances up to the geometric mean of the cut-off radii of both ends, between those that are coupled; the
 /// diagonal zero.
 fn in_ball(
     points: &Points,
     tree: &SearchTree,
-    radius: impl Fn(usize) -> f64 + Sync + Send,
+    local: LocalKernel<'_>,
     couples: impl Fn(usize, usize) -> bool + Sync + Send,
     progress: &Progress,
 ) -> Result<Sparse, Canceled> {
     let n = points.len();
+    let radius = |i: usize| local.reach(i);
     let seen = Sparse::from_rows(
         n,
         Vec::new,
@@ -194,10 +195,10 @@ fn in_ball(
         },
         |rows| progress.advance(0.6 * rows as f64 / n as f64),
     )?;
-    let unseen = seen.seen_from_elsewhere();
-    if unseen.iter().all(Vec::is_empty) {
+    if !local.varies() {
         return Ok(seen);
     }
+    let unseen = seen.seen_from_elsewhere();
     Sparse::from_rows(
         n,
         || (),
