@@ -36,7 +36,7 @@ use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::{Rules, Survey};
 use crate::geometry::{Components, Frames, Points, Sampling, cells, components, frames};
 use crate::operator::bandwidth;
-use crate::operator::{LaplaceBeltrami, Sparse, Structure};
+use crate::operator::{LaplaceBeltrami, OperatorKind, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::{Eigenbasis, Method, Problem, Request, Solution, Spectrum, Weyl, certificates, solve};
 
@@ -106,7 +106,7 @@ pub fn analyze_by(
         (frames, None)
     };
     let stars = surveyed.as_ref().map(|surveyed| &surveyed.stars);
-    let cells = match stars {
+    let mut cells = match stars {
         Some(stars) => stars.cells(&points),
         None => cells(&points, &tree, &nearest, &frames, options, progress)?,
     };
@@ -115,6 +115,10 @@ pub fn analyze_by(
         .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
     warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
     progress.checkpoint()?;
+    let on_surface = matches!(parameters.operator, OperatorKind::Voronoi | OperatorKind::PbMhb);
+    if let Some(stars) = stars.filter(|_| on_surface && rules.extend_rims) {
+        cells.extend_rims(&points, stars);
+    }
     let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
     let stretch =

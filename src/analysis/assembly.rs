@@ -1,5 +1,7 @@
 //! The stage that turns a measured cloud into an operator.
 
+use std::f64::consts::PI;
+
 use super::memory::memory_with_entries;
 use super::{AnalysisError, Parameters};
 use crate::geometry::orientation::Orientation;
@@ -25,6 +27,12 @@ const COUNTED: usize = 256;
 /// Points that one time for all couples each of with, in the mean, beyond which times follow the spacing: evenly sampled
 /// surfaces have about 20, random ones about 100, adaptively sampled scans up to 250, which are better off with one time.
 const COUPLED_ALIKE: usize = 300;
+
+/// No time that follows the spacing is so long that t·λ of the last eigenvalue that is asked for is more, unless one time for all
+/// would be: beyond, modes of the sparsest part crowd where μ is 1/t. On a sphere of 8,000 random points, 100 : 1, the
+/// worst of 100 eigenvalues is 390 % off with 2.3, 15 % with 0.8, 13 % with one time, of which it is 0.73. So times follow the
+/// spacing by default where one for all leaves room below half of it.
+const SMOOTHED_MAX: f64 = 0.8;
 
 /// The measured cloud.
 pub(super) struct Surface<'a> {
@@ -149,12 +157,17 @@ fn pb_mhb(
     let additions = parameters.additions();
     let mut bandwidth = Bandwidth::even(points.len(), sampling.epsilon);
     let mut kernel = parameters.heat_kernel(sampling.epsilon);
+    // by Weyl's law
+    let last = 4.0 * PI * parameters.bases as f64 / sampling.area;
     let is_local = parameters.local_bandwidth.unwrap_or_else(|| {
         let is_free = !parameters.paper && parameters.delta.or(parameters.delta_factor).is_none();
-        is_free && coupled(points, tree, |_| kernel.delta) > COUPLED_ALIKE
+        let has_room = last * kernel.t < 0.5 * SMOOTHED_MAX;
+        is_free && has_room && coupled(points, tree, |_| kernel.delta) > COUPLED_ALIKE
     });
     if is_local && additions.moment_calibration {
-        bandwidth = Bandwidth::of_cells(points, cells, walls, parameters.dimension);
+        let stretch = (SMOOTHED_MAX / (last * kernel.t)).max(1.0).sqrt();
+        bandwidth =
+            Bandwidth::of_cells(points, cells, walls, parameters.dimension, stretch * sampling.epsilon);
         kernel = parameters.heat_kernel(parameters.epsilon.unwrap_or(bandwidth.epsilon()));
     }
     let local = bandwidth.of_kernel(kernel);

@@ -31,7 +31,7 @@ const ENTRY_BYTES: u64 = 40;
 const STORED_BYTES: u64 = 16;
 /// Bytes of any job: stacks and arenas of its threads, what the allocator has not given back yet, the cloud on its way from
 /// the database.
-const JOB_BYTES: u64 = 40_000_000;
+const JOB_BYTES: u64 = 46_000_000;
 /// How many times fewer points a thinned sample has at least, thinned out once, twice and three times.
 const THINNED: [u64; 3] = [7, 49, 343];
 /// Fewest points of a sample per basis.
@@ -44,12 +44,12 @@ const HELD_KERNEL_BYTES: u64 = 440;
 const COUPLED: u64 = 28;
 /// Bytes per point, beside a number in single precision for every basis, while the sample's bases are brought to all points.
 const PROLONGED_BYTES: u64 = 410;
-/// Three square matrices of doubles.
-const DENSE_BYTES: u64 = 3 * 8;
+/// Four square matrices of doubles: the matrix, its eigenvectors, and what they are found in.
+const DENSE_BYTES: u64 = 4 * 8;
 
 /// Peak bytes of an analysis of `points` rows with `dimension` coordinates and `faces` triangles.
 ///
-/// At most 35 % above the peaks that were measured of whole processes for surfaces (the test below has them). It knows
+/// At most 40 % above the peaks that were measured of whole processes for surfaces (the test below has them). It knows
 /// nothing of the cloud's shape: where a matrix turns out to be larger, the analysis asks for the difference before it
 /// takes it ([`Progress::afford`](crate::progress::Progress::afford)).
 #[must_use]
@@ -231,16 +231,16 @@ mod tests {
         ] {
             let estimate = megabytes(points, operator, bases);
             let ratio = estimate as f64 / f64::from(measured);
-            assert!((1.0..1.35).contains(&ratio), "{operator:?} {points} {bases}: {estimate} for {measured}");
+            assert!((1.0..1.4).contains(&ratio), "{operator:?} {points} {bases}: {estimate} for {measured}");
         }
     }
 
-    /// 3,000 points of which more than a fifth are asked for are solved densely, in three matrices of 72 MB.
+    /// 3,000 points of which more than a fifth are asked for are solved densely, in four matrices of 72 MB.
     #[test]
     fn dense_matrices_count() {
         let (iterated, dense) =
             (megabytes(3_000, OperatorKind::Voronoi, 600), megabytes(3_000, OperatorKind::Voronoi, 601));
-        assert!((216..220).contains(&(dense - iterated)), "{dense} {iterated}");
+        assert!((288..293).contains(&(dense - iterated)), "{dense} {iterated}");
     }
 
     /// Peaks of the same, thinned out.
@@ -253,7 +253,7 @@ mod tests {
             let parameters = Parameters { operator, solved_points: Some(solved), ..Parameters::default() };
             let estimate = memory_estimate(points, 3, 0, JobKind::Eigen, &parameters) / 1_000_000;
             let ratio = estimate as f64 / f64::from(measured);
-            assert!((1.0..1.35).contains(&ratio), "{points} {solved}: {estimate} for {measured}");
+            assert!((1.0..1.4).contains(&ratio), "{points} {solved}: {estimate} for {measured}");
         }
     }
 

@@ -52,7 +52,7 @@ impl Neighborhoods {
             return Ok(found);
         }
         for _ in 0..if rules.merge_repetitions { ROUNDS } else { 0 } {
-            let Some(repeated) = Repetitions::find(&found.points, &found.nearest) else { break };
+            let Some(repeated) = Repetitions::find(&found.points, &found.nearest, progress)? else { break };
             let left = repeated.sizes.len();
             if left < POINTS_MIN.max(parameters.bases) {
                 break;
@@ -62,7 +62,7 @@ impl Neighborhoods {
             found = Self { merged, ..Self::of(points, progress)? };
         }
         if parameters.dimension == 2 && rules.leave_strays {
-            let strays = strays(&found.points, &found.nearest);
+            let strays = strays(&found.points, &found.nearest, progress)?;
             let left = found.points.len() - strays.len();
             if !strays.is_empty() && left >= POINTS_MIN.max(parameters.bases) {
                 let mut rows: Vec<usize> = strays.iter().map(|&i| found.points.row(i as usize)).collect();

@@ -66,8 +66,14 @@ pub fn frames(
     let spreads: Vec<Spread> = tangents
         .par_chunks_mut(intrinsic * ambient)
         .enumerate()
-        .map(|(i, frame)| principal_axes(points, i, nearest.of(i), frame))
+        .map(|(i, frame)| {
+            if progress.is_canceled() {
+                return Spread { thickness: 0.0, dimension: 0 };
+            }
+            principal_axes(points, i, nearest.of(i), frame)
+        })
         .collect();
+    progress.checkpoint()?;
     let mut thickness: Vec<f64> = spreads.iter().map(|spread| spread.thickness).collect();
     let middle = thickness.len() / 2;
     let mut votes = [0_usize; DIMENSION_MAX + 1];

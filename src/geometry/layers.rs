@@ -223,13 +223,15 @@ mod tests {
     fn planes_follow_the_sheet_of_their_point_where_another_is_as_near() {
         let (points, tree, nearest) = plates(0.8);
         let progress = Progress::new();
-        let across =
-            frames(&points, &nearest, 2, &progress).unwrap().among_creases(&points, &tree, &nearest, true);
+        let across = frames(&points, &nearest, 2, &progress)
+            .unwrap()
+            .among_creases(&points, &tree, &nearest, true, &progress)
+            .unwrap();
         let tilted = |frames: &Frames| {
             let level = |i: usize| frames.tangent(i, 0)[2].hypot(frames.tangent(i, 1)[2]) < 0.5;
             inner(&points).filter(|&i| !level(i)).count()
         };
-        let along = across.clone().on_one_sheet(&points, &nearest);
+        let along = across.clone().on_one_sheet(&points, &nearest, &progress).unwrap();
         let (before, after) = (tilted(&across), tilted(&along));
         assert!(before > 4 && after == 0, "{before} {after}");
     }

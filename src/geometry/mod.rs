@@ -19,6 +19,7 @@ pub mod orientation;
 pub mod planes;
 pub mod points;
 pub mod polytope;
+pub mod rims;
 pub mod sampling;
 pub mod span;
 pub mod stars;

@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::components::components;
 use super::neighborhoods::NearestNeighbors;
-use super::points::Points;
+use super::points::{GeometryError, Points};
+use crate::progress::Progress;
 
 /// Chance of a gap, its tenth logarithm.
 const CHANCE: f64 = -5.0;
@@ -27,13 +28,23 @@ pub struct Repetitions {
 
 impl Repetitions {
     /// Groups of points that repeat one another; `None` when there are none.
-    #[must_use]
-    pub fn find(points: &Points, nearest: &NearestNeighbors) -> Option<Self> {
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn find(
+        points: &Points,
+        nearest: &NearestNeighbors,
+        progress: &Progress,
+    ) -> Result<Option<Self>, GeometryError> {
         let before_gap: Vec<usize> = (0..points.len())
             .into_par_iter()
             .with_min_len(256)
-            .map(|i| before_gap(nearest.of(i).iter().map(|&q| points.squared_distance(i, q as usize))))
+            .map(|i| {
+                let around = if progress.is_canceled() { &[] } else { nearest.of(i) };
+                before_gap(around.iter().map(|&q| points.squared_distance(i, q as usize)))
+            })
             .collect();
+        progress.checkpoint()?;
         // both must see the other before a gap: a stray beside a cluster is not of it
         let same = |i: usize| {
             let before_gap = &before_gap;
@@ -43,10 +54,10 @@ impl Repetitions {
                 .filter(move |&q| nearest.of(q as usize)[..before_gap[q as usize]].contains(&(i as u32)))
         };
         if (0..points.len()).all(|i| same(i).next().is_none()) {
-            return None;
+            return Ok(None);
         }
         let found = components(points.len(), same);
-        Some(Self { group: found.label, sizes: found.size })
+        Ok(Some(Self { group: found.label, sizes: found.size }))
     }
 }
 
@@ -70,13 +81,14 @@ mod tests {
     use crate::cloud::{NonFinite, PointCloud};
     use crate::geometry::SearchTree;
     use crate::geometry::stars::tests::jitter;
-    use crate::progress::Progress;
 
     fn repetitions(rows: &[[f64; 3]]) -> Option<Repetitions> {
         let cloud = PointCloud::new(3, rows.concat(), NonFinite::Reject).unwrap();
         let points = Points::prepare(&cloud, 2).unwrap();
         let tree = SearchTree::new(&points);
-        Repetitions::find(&points, &NearestNeighbors::find(&tree, &points, 20, &Progress::new()).unwrap())
+        let progress = Progress::new();
+        let nearest = NearestNeighbors::find(&tree, &points, 20, &progress).unwrap();
+        Repetitions::find(&points, &nearest, &progress).unwrap()
     }
 
     /// Points of a plate, each `copies` times, moved by up to `share` of the spacing.

@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use super::frames::{Axes, Frames, axes_in_any_dimension, axes_in_space};
 use super::layers::better_normal;
 use super::neighborhoods::{NearestNeighbors, SearchTree};
-use super::points::Points;
+use super::points::{GeometryError, Points};
 use super::stars::Stars;
+use crate::progress::Progress;
 
 /// Neighbors that a plane is laid through at first: about the two rings of its star.
 const NEIGHBORS: usize = 10;
@@ -34,21 +35,27 @@ impl Frames {
     /// Ours. PCA through the point cannot tell the plane that halves a right-angled crease from the one across: both
     /// have the same variance. About the middle of the neighborhood it can. On fandisk the worst error of the
     /// finite-volume operator's first 29 eigenvalues falls from 6 to 0.7 %.
-    #[must_use]
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
     pub fn among_creases(
         mut self,
         points: &Points,
         tree: &SearchTree,
         nearest: &NearestNeighbors,
         widen: bool,
-    ) -> Self {
+        progress: &Progress,
+    ) -> Result<Self, GeometryError> {
         let (d, intrinsic) = (self.ambient, self.intrinsic);
         if intrinsic == d {
-            return self;
+            return Ok(self);
         }
         let most = if widen { NEIGHBORS_MAX.min(points.len() - 1) } else { 0 };
         let laid = |(i, frame): (usize, &mut [f64])| {
             let first = &nearest.of(i)[..NEIGHBORS.min(nearest.count())];
+            if progress.is_canceled() {
+                return 0;
+            }
             let Some(axes) = middle_axes(points, i, first) else { return first.len() as u32 };
             frame.copy_from_slice(&axes.vectors[..frame.len()]);
             if axes.spans_a_plane() || most <= first.len() {
@@ -69,15 +76,23 @@ impl Frames {
             first.len() as u32
         };
         let counts = self.tangents.par_chunks_mut(intrinsic * d).enumerate().map(laid).collect();
+        progress.checkpoint()?;
         self.counts = counts;
-        self
+        Ok(self)
     }
 
     /// Turns planes of surfaces in space to the sheet of their points where another one is as near.
-    #[must_use]
-    pub fn on_one_sheet(mut self, points: &Points, nearest: &NearestNeighbors) -> Self {
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn on_one_sheet(
+        mut self,
+        points: &Points,
+        nearest: &NearestNeighbors,
+        progress: &Progress,
+    ) -> Result<Self, GeometryError> {
         if self.ambient != 3 || self.intrinsic != 2 {
-            return self;
+            return Ok(self);
         }
         for _ in 0..ROUNDS {
             let normals: Vec<Vector3<f64>> = (0..points.len()).map(|i| self.normal(i)).collect();
@@ -92,14 +107,16 @@ impl Frames {
                 neighbors[..NEIGHBORS.min(neighbors.len())].iter().filter(|q| off(q)).count() >= OFF_MIN
             };
             self.tangents.par_chunks_mut(6).with_min_len(256).enumerate().for_each(|(i, frame)| {
-                if layered(i, nearest.of(i))
+                if !progress.is_canceled()
+                    && layered(i, nearest.of(i))
                     && let Some(normal) = better_normal(points, i, nearest.of(i), &normals)
                 {
                     turn(frame, normal);
                 }
             });
+            progress.checkpoint()?;
         }
-        self
+        Ok(self)
     }
 
     fn normal(&self, i: usize) -> Vector3<f64> {
@@ -115,12 +132,23 @@ impl Frames {
 
     /// Turns the planes of a surface in space towards the triangles of the stars, weighted by their angles at the point.
     /// Returns the planes that were turned by more than `least` (sine of the angle).
-    #[must_use]
-    pub fn turn_to_stars(&mut self, points: &Points, stars: &Stars, least: f64) -> Vec<bool> {
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn turn_to_stars(
+        &mut self,
+        points: &Points,
+        stars: &Stars,
+        least: f64,
+        progress: &Progress,
+    ) -> Result<Vec<bool>, GeometryError> {
         if self.ambient != 3 || self.intrinsic != 2 {
-            return vec![false; points.len()];
+            return Ok(vec![false; points.len()]);
         }
         let turned = |(i, frame): (usize, &mut [f64])| {
+            if progress.is_canceled() {
+                return false;
+            }
             let [x, y] = [&frame[..3], &frame[3..]].map(Vector3::from_column_slice);
             let Some(normal) = star_normal(points, stars, i) else { return false };
             if normal.cross(&x.cross(&y)).norm() <= least {
@@ -129,7 +157,9 @@ impl Frames {
             turn(frame, normal);
             true
         };
-        self.tangents.par_chunks_mut(6).enumerate().map(turned).collect()
+        let turned = self.tangents.par_chunks_mut(6).enumerate().map(turned).collect();
+        progress.checkpoint()?;
+        Ok(turned)
     }
 }
 
@@ -200,7 +230,6 @@ mod tests {
     use super::*;
     use crate::cloud::{NonFinite, PointCloud};
     use crate::geometry::frames;
-    use crate::progress::Progress;
 
     #[test]
     fn among_creases_the_plane_on_a_right_angled_edge_halves_it() {
@@ -215,7 +244,7 @@ mod tests {
         let tree = SearchTree::new(&points);
         let nearest = NearestNeighbors::find(&tree, &points, 20, &Progress::new()).unwrap();
         let frames = frames(&points, &nearest, 2, &Progress::new()).unwrap();
-        let frames = frames.among_creases(&points, &tree, &nearest, true);
+        let frames = frames.among_creases(&points, &tree, &nearest, true, &Progress::new()).unwrap();
         let edge = rows.iter().position(|&row| row == [0.0, 4.0, 0.0]).unwrap();
         let i = points.of_row(edge).unwrap();
         // both faces are seen under 45°: unit steps into them project onto √½, on opposite sides

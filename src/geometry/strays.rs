@@ -7,7 +7,8 @@
 use super::components::components;
 use super::frames::axes_in_space;
 use super::neighborhoods::NearestNeighbors;
-use super::points::Points;
+use super::points::{GeometryError, Points};
+use crate::progress::Progress;
 
 /// Nearest neighbor whose distance is the local scale.
 const SCALE: usize = 8;
@@ -27,22 +28,30 @@ const FLAT_FEW: f64 = 0.3;
 const FLAT: f64 = 0.2;
 
 /// The stray points among points in space, ascending; none in other dimensions.
-#[must_use]
-pub fn strays(points: &Points, nearest: &NearestNeighbors) -> Vec<u32> {
+///
+/// # Errors
+/// [`GeometryError::Canceled`].
+pub fn strays(
+    points: &Points,
+    nearest: &NearestNeighbors,
+    progress: &Progress,
+) -> Result<Vec<u32>, GeometryError> {
     if points.dimension() != 3 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let mutual = |i: usize| {
         let is_back = move |q: &u32| nearest.of(*q as usize).contains(&(i as u32));
-        nearest.of(i).iter().copied().filter(is_back)
+        let around = if progress.is_canceled() { &[] } else { nearest.of(i) };
+        around.iter().copied().filter(is_back)
     };
     let found = components(points.len(), mutual);
+    progress.checkpoint()?;
     let Some(surface) = (0..found.size.len()).max_by_key(|&group| (found.size[group], usize::MAX - group))
     else {
-        return Vec::new();
+        return Ok(Vec::new());
     };
     if found.size.len() == 1 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); found.size.len()];
     found.label.iter().enumerate().for_each(|(i, &group)| members[group as usize].push(i));
@@ -66,7 +75,7 @@ pub fn strays(points: &Points, nearest: &NearestNeighbors) -> Vec<u32> {
         apart > SPARSE_FEW * middle(others) && thickness() > FLAT_FEW
     };
     let stray: Vec<bool> = (0..members.len()).map(|group| group != surface && is_stray(&group)).collect();
-    (0..points.len() as u32).filter(|&i| stray[found.label[i as usize] as usize]).collect()
+    Ok((0..points.len() as u32).filter(|&i| stray[found.label[i as usize] as usize]).collect())
 }
 
 /// Third over second principal variance of the neighbors, seen from the point.
@@ -92,14 +101,17 @@ mod tests {
     use crate::cloud::{NonFinite, PointCloud};
     use crate::geometry::SearchTree;
     use crate::geometry::stars::tests::jitter;
-    use crate::progress::Progress;
 
     fn found(rows: &[[f64; 3]]) -> Vec<usize> {
         let cloud = PointCloud::new(3, rows.concat(), NonFinite::Reject).unwrap();
         let points = Points::prepare(&cloud, 2).unwrap();
         let tree = SearchTree::new(&points);
         let nearest = NearestNeighbors::find(&tree, &points, 20, &Progress::new()).unwrap();
-        strays(&points, &nearest).into_iter().map(|i| points.row(i as usize)).collect()
+        strays(&points, &nearest, &Progress::new())
+            .unwrap()
+            .into_iter()
+            .map(|i| points.row(i as usize))
+            .collect()
     }
 
     /// Points of the unit sphere along a spiral, `sparse` times as many above the equator as below.

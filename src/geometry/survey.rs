@@ -36,6 +36,8 @@ pub struct Rules {
     pub smooth_noise: bool,
     /// Kernels are wider where points are farther apart in one direction than in the other.
     pub resolve_stretch: bool,
+    /// Cells on rims that zigzag are extended to where the surface ends.
+    pub extend_rims: bool,
 }
 
 impl Default for Rules {
@@ -51,6 +53,7 @@ impl Default for Rules {
             merge_repetitions: true,
             smooth_noise: true,
             resolve_stretch: true,
+            extend_rims: true,
         }
     }
 }
@@ -112,30 +115,33 @@ impl Survey<'_> {
         progress: &Progress,
     ) -> Result<Surveyed, GeometryError> {
         let Self { points, tree, nearest, rules } = *self;
-        let mut frames = frames.among_creases(points, tree, nearest, rules.widen_planes);
+        let mut frames = frames.among_creases(points, tree, nearest, rules.widen_planes, progress)?;
         if rules.robust_planes {
-            frames = frames.on_one_sheet(points, nearest);
+            frames = frames.on_one_sheet(points, nearest, progress)?;
         }
-        progress.checkpoint()?;
         let mut stars = Stars::find(points, tree, nearest, &frames, sheet_aware, progress)?;
         if sheet_aware {
             for _ in 0..rules.turns {
-                let turned = frames.turn_to_stars(points, &stars, TURN_MIN);
+                let turned = frames.turn_to_stars(points, &stars, TURN_MIN, progress)?;
                 let (none, any) = (|_: usize, _: u32| false, |_: usize, _: &[Spoke]| true);
                 stars = stars.found_again(points, tree, nearest, &frames, &none, &turned, any, progress)?;
             }
         }
         let tells_layers = if sheet_aware && rules.part_layers {
-            tells_layers(&stars, |i, q| self.steepness(&frames, i, q))
+            tells_layers(
+                &stars,
+                |i, q| if progress.is_canceled() { 0.0 } else { self.steepness(&frames, i, q) },
+            )
         } else {
             vec![false; stars.len()]
         };
         if sheet_aware && rules.part_layers {
+            progress.checkpoint()?;
             stars = self.on_one_layer(&stars, &frames, &tells_layers, progress)?;
         }
         // sides are told by the triangles; what a point sees is better left to the plane that found them
         let mut sides = frames.clone();
-        let _ = sides.turn_to_stars(points, &stars, 0.0);
+        let _ = sides.turn_to_stars(points, &stars, 0.0, progress)?;
         let orientation = Orientation::find(&sides, points.len(), &stars.links());
         progress.checkpoint()?;
         if sheet_aware && rules.part_sheets && orientation.conflicts < CONFLICTS_MAX {
@@ -166,7 +172,7 @@ impl Survey<'_> {
         progress: &Progress,
     ) -> Result<Stars, GeometryError> {
         let Self { points, tree, nearest, .. } = *self;
-        let across = |i: usize, q: u32| leads_across(self.steepness(frames, i, q));
+        let across = |i: usize, q: u32| !progress.is_canceled() && leads_across(self.steepness(frames, i, q));
         let layered: Vec<bool> = (0..stars.len())
             .into_par_iter()
             .with_min_len(256)

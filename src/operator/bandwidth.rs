@@ -36,14 +36,19 @@ pub struct Bandwidth {
 }
 
 impl Bandwidth {
-    /// Follows the volumes of the cells, averaged along `walls`. Cells on a rim are cut off there and tell nothing.
+    /// Follows the volumes of the cells, averaged along `walls`. Cells on a rim are cut off there and tell nothing. No time is
+    /// longer than that of the covering radius `epsilon_max`.
     #[must_use]
-    pub fn of_cells(points: &Points, cells: &Cells, walls: &Sparse, intrinsic: usize) -> Self {
+    pub fn of_cells(
+        points: &Points,
+        cells: &Cells,
+        walls: &Sparse,
+        intrinsic: usize,
+        epsilon_max: f64,
+    ) -> Self {
         let to_length = 1.0 / intrinsic as f64;
         let lengths = smoothed(cells, walls).into_iter().map(|log| (log * to_length).exp()).collect();
-        let lengths = graded(lengths, points, walls);
-        let total: f64 = cells.volume.iter().sum();
-        let mean = lengths.iter().zip(&cells.volume).map(|(h, volume)| h * h * volume).sum::<f64>() / total;
+        let mut lengths = graded(lengths, points, walls);
         let ratios = |kind: fn(CellKind) -> bool| -> Vec<f64> {
             (0..lengths.len())
                 .filter(|&i| kind(cells.kind[i]))
@@ -60,6 +65,12 @@ impl Bandwidth {
             let place = ((covering.len() - 1) as f64 * COVERED).round() as usize;
             *covering.select_nth_unstable_by(place, f64::total_cmp).1
         };
+        let most = epsilon_max / covering;
+        for length in &mut lengths {
+            *length = length.min(most);
+        }
+        let total: f64 = cells.volume.iter().sum();
+        let mean = lengths.iter().zip(&cells.volume).map(|(h, volume)| h * h * volume).sum::<f64>() / total;
         let relative = lengths.iter().map(|h| h * h / mean).collect();
         Self { relative, epsilon: covering * mean.sqrt() }
     }
@@ -268,7 +279,7 @@ mod tests {
         let (points, _, stars) = stars_of(rows);
         let cells = stars.cells(&points);
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
-        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2);
+        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, f64::MAX);
         let kernel = HeatKernel { t: 1.0, delta: 1.0, truncation_compensation: false, dimension: 2 };
         let times = bandwidth.of_kernel(kernel).times();
         let by_row = (0..rows.len()).map(|row| times[points.of_row(row).unwrap()]).collect();
@@ -325,7 +336,7 @@ mod tests {
         .unwrap();
         cells.kind[50] = CellKind::Invalid;
         cells.volume[50] = 0.0;
-        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2);
+        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, f64::MAX);
         assert!(bandwidth.relative.iter().all(|t| t.is_finite() && *t > 0.0), "{bandwidth:?}");
     }
 
