@@ -79,6 +79,10 @@ class Basis:
     """Diagonal of M, (n,), in length² on a surface."""
     residuals: Array
     """Relative residual of every pair, (k,)."""
+    dual_residuals: Array | None
+    """Bound ρ of every pair, (k,): some eigenvalue λ of the matrices has |λ − μ| ≤ ρ (λ + σ); None without symmetry."""
+    expected_errors: Array | None
+    """Relative error of every eigenvalue to expect of the sampling, (k,), an estimate; None where there is none."""
     report: dict[str, Any]
     """Everything that the analysis measured, as the service and the command line report it."""
     clusters: list[list[int]]
@@ -93,6 +97,10 @@ class Basis:
         spectrum = self.report["spectrum"]
         self.eigenvalues = np.array([math.nan if x is None else x for x in spectrum["eigenvalues"]])
         self.residuals = np.array(spectrum["residuals"])
+        self.dual_residuals, self.expected_errors = (
+            None if spectrum.get(name) is None else np.array(spectrum[name])
+            for name in ("dual_residuals", "expected_errors")
+        )
         self.clusters = spectrum["clusters"]
         self._text = report
         self._modes = _chladni.Modes(report)

@@ -15,6 +15,17 @@ def test_the_sphere_has_the_eigenvalues_of_spherical_harmonics(sphere):
     np.testing.assert_allclose(evals, exact, rtol=0.02, atol=1e-9)
 
 
+def test_bases_tell_how_far_off_they_may_be(sphere):
+    exact = np.repeat([0.0, 2.0, 6.0, 12.0], [1, 3, 5, 7])
+    basis = chladni.eigenbasis(sphere, k=16, operator="voronoi")
+    assert basis.dual_residuals.shape == basis.expected_errors.shape == (16,)
+    assert 0.0 <= basis.dual_residuals.max() < 1e-2
+    off = np.abs(basis.eigenvalues[1:] / exact[1:] - 1.0)
+    assert off.max() < 2.0 * basis.expected_errors[1:].max() < 0.1
+    assert chladni.eigenbasis(sphere, k=4, operator="pcd").dual_residuals is None
+    assert chladni.eigenbasis(sphere, k=4, operator="graph").expected_errors is None
+
+
 def test_bases_are_orthonormal_in_the_mass_of_their_operator(bumpy):
     basis = chladni.eigenbasis(bumpy, k=12, operator="voronoi", tol=1e-8)
     _, M = chladni.laplacian(bumpy, operator="voronoi")

@@ -287,7 +287,7 @@ mod tests {
     #[test]
     fn more_of_anything_takes_more() {
         let base = megabytes(100_000, OperatorKind::Voronoi, 50);
-        assert!(megabytes(200_000, OperatorKind::Voronoi, 50) > 19 * base / 10);
+        assert!(megabytes(200_000, OperatorKind::Voronoi, 50) > 9 * base / 5);
         assert!(megabytes(100_000, OperatorKind::Voronoi, 100) > base);
         let parameters = Parameters { operator: OperatorKind::Voronoi, bases: 50, ..Parameters::default() };
         let operator_alone = memory_estimate(100_000, 3, 0, JobKind::Operator, &parameters);
