@@ -115,8 +115,8 @@ pub fn analyze_by(
         .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
     warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
     progress.checkpoint()?;
-    let on_surface = matches!(parameters.operator, OperatorKind::Voronoi | OperatorKind::PbMhb);
-    if let Some(stars) = stars.filter(|_| on_surface && rules.extend_rims) {
+    // a kernel reaches beyond rims, and what its cells say of them changes it by as much for the worse as for the better
+    if let Some(stars) = stars.filter(|_| parameters.operator == OperatorKind::Voronoi && rules.extend_rims) {
         cells.extend_rims(&points, stars);
     }
     let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);

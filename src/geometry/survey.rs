@@ -36,7 +36,7 @@ pub struct Rules {
     pub smooth_noise: bool,
     /// Kernels are wider where points are farther apart in one direction than in the other.
     pub resolve_stretch: bool,
-    /// Cells on rims that zigzag are extended to where the surface ends.
+    /// Cells of `voronoi` on rims that zigzag are extended to where the surface ends.
     pub extend_rims: bool,
 }
 
