@@ -115,7 +115,7 @@ pub fn analyze_by(
         .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
     warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
     progress.checkpoint()?;
-    // a kernel reaches beyond rims, and what its cells say of them changes it by as much for the worse as for the better
+    // kernels reach beyond rims: to them random rims gain less than the ragged holes of scans lose
     if let Some(stars) = stars.filter(|_| parameters.operator == OperatorKind::Voronoi && rules.extend_rims) {
         cells.extend_rims(&points, stars);
     }
@@ -303,20 +303,13 @@ fn check_prolonged(solution: &Solution) -> Result<(), AnalysisError> {
     }
 }
 
-/// The size of the first non-zero eigenvalues, by Weyl's law: `(2π/length)²` of a curve, `4π/area` of a surface,
-/// `(6π²/volume)^{2/3}` in three dimensions. A ball graph of n points with mean degree d, whose spectrum ends at
-/// `1/plateau`, begins at about `d/n` of that.
+/// The size of the first non-zero eigenvalues, by Weyl's law. A ball graph of n points with mean degree d, whose spectrum
+/// ends at `1/plateau`, begins at about `d/n` of that.
 fn first_eigenvalue(report: &Report, plateau: Option<f64>) -> f64 {
-    use std::f64::consts::PI;
     if report.operator.is_combinatorial() {
         return report.neighbors / (plateau.unwrap_or(1.0) * report.points_used as f64);
     }
-    let volume = report.sampling.area;
-    match report.dimension {
-        1 => (2.0 * PI / volume).powi(2),
-        2 => 4.0 * PI / volume,
-        _ => (6.0 * PI * PI / volume).powf(2.0 / 3.0),
-    }
+    Weyl::first_of(report.sampling.area, report.dimension)
 }
 
 /// Says when the neighborhoods do not look like those of a k-manifold.

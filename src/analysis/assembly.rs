@@ -1,7 +1,5 @@
 //! The stage that turns a measured cloud into an operator.
 
-use std::f64::consts::PI;
-
 use super::memory::memory_with_entries;
 use super::{AnalysisError, Parameters};
 use crate::geometry::orientation::Orientation;
@@ -15,6 +13,7 @@ use crate::operator::{
     LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd, voronoi,
 };
 use crate::progress::Progress;
+use crate::spectrum::Weyl;
 
 /// Most neighbors within δ that an operator may couple per point, on average.
 const COUPLED_MAX: usize = 2_000;
@@ -157,8 +156,9 @@ fn pb_mhb(
     let additions = parameters.additions();
     let mut bandwidth = Bandwidth::even(points.len(), sampling.epsilon);
     let mut kernel = parameters.heat_kernel(sampling.epsilon);
-    // by Weyl's law
-    let last = 4.0 * PI * parameters.bases as f64 / sampling.area;
+    let dimension = parameters.dimension;
+    let weyl = Weyl { first: Weyl::first_of(sampling.area, dimension), dimension, t: None };
+    let last = weyl.eigenvalue(parameters.bases as f64);
     let is_local = parameters.local_bandwidth.unwrap_or_else(|| {
         let is_free = !parameters.paper && parameters.delta.or(parameters.delta_factor).is_none();
         let has_room = last * kernel.t < 0.5 * SMOOTHED_MAX;
@@ -166,8 +166,7 @@ fn pb_mhb(
     });
     if is_local && additions.moment_calibration {
         let stretch = (SMOOTHED_MAX / (last * kernel.t)).max(1.0).sqrt();
-        bandwidth =
-            Bandwidth::of_cells(points, cells, walls, parameters.dimension, stretch * sampling.epsilon);
+        bandwidth = Bandwidth::of_cells(points, cells, walls, dimension, stretch * sampling.epsilon);
         kernel = parameters.heat_kernel(parameters.epsilon.unwrap_or(bandwidth.epsilon()));
     }
     let local = bandwidth.of_kernel(kernel);

@@ -103,7 +103,7 @@ arguments! {
         /// Scale the kernel of `pb-mhb` so that its second moment is right around every point.
         moment_calibration: Option<bool> = switch, absent "not paper";
         /// Let t and δ of `pb-mhb` follow the local spacing, with t their mean; needs `moment_calibration`.
-        local_bandwidth: Option<bool> = switch, absent "on surfaces where one t would couple each point with more than 300 others";
+        local_bandwidth: Option<bool> = switch, absent "on surfaces where one t would couple each point with more than 300 others and is short enough for the bases";
         /// Report λ = −ln(1−tμ)/t as eigenvalues, beside the raw μ of the matrices.
         heat_correction: Option<bool> = switch, absent "not paper";
     }

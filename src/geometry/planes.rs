@@ -230,6 +230,9 @@ mod tests {
     use super::*;
     use crate::cloud::{NonFinite, PointCloud};
     use crate::geometry::frames;
+    use crate::geometry::near::Repetitions;
+    use crate::geometry::stars::tests::stars_of;
+    use crate::geometry::strays::strays;
 
     #[test]
     fn among_creases_the_plane_on_a_right_angled_edge_halves_it() {
@@ -255,5 +258,20 @@ mod tests {
         let (floor, wall) = (seen([1.0, 4.0, 0.0]), seen([0.0, 4.0, 1.0]));
         assert!((floor[0].hypot(floor[1]) - 0.5_f64.sqrt()).abs() < 1e-6);
         assert!((floor[0] + wall[0]).abs() < 1e-6 && (floor[1] + wall[1]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn no_loop_over_planes_and_neighbors_goes_on_once_it_is_canceled() {
+        let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
+        let (points, frames, stars) = stars_of(&rows);
+        let (tree, progress) = (SearchTree::new(&points), Progress::new());
+        let nearest = NearestNeighbors::find(&tree, &points, 20, &progress).unwrap();
+        progress.cancel();
+        let is_canceled = |error| matches!(error, Some(GeometryError::Canceled(_)));
+        assert!(is_canceled(frames.clone().among_creases(&points, &tree, &nearest, true, &progress).err()));
+        assert!(is_canceled(frames.clone().on_one_sheet(&points, &nearest, &progress).err()));
+        assert!(is_canceled(frames.clone().turn_to_stars(&points, &stars, 0.0, &progress).err()));
+        assert!(is_canceled(strays(&points, &nearest, &progress).err()));
+        assert!(is_canceled(Repetitions::find(&points, &nearest, &progress).err()));
     }
 }

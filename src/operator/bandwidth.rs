@@ -323,6 +323,27 @@ mod tests {
     }
 
     #[test]
+    fn no_time_is_longer_than_that_of_the_largest_radius() {
+        // from left to right four times as far apart
+        let rows: Vec<[f64; 3]> = (0..40)
+            .flat_map(|i| {
+                let x = 10.0 * (f64::from(i) / 40.0 * 4.0_f64.ln()).exp();
+                (0..40).map(move |j| [x, f64::from(j) * 0.4, 0.0])
+            })
+            .collect();
+        let (points, _, stars) = stars_of(&rows);
+        let cells = stars.cells(&points);
+        let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
+        let longest = |epsilon_max: f64| {
+            let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, epsilon_max);
+            bandwidth.epsilon() * bandwidth.relative.iter().copied().fold(0.0, f64::max).sqrt()
+        };
+        let free = longest(f64::MAX);
+        assert!((longest(0.7 * free) / (0.7 * free) - 1.0).abs() < 1e-9);
+        assert!((longest(2.0 * free) / free - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
     fn a_cell_that_could_not_be_measured_has_a_time_too() {
         let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
         let (points, _, stars) = stars_of(&rows);

@@ -2,7 +2,8 @@
 
 use std::f64::consts::PI;
 
-use chladni::analysis::{AnalysisError, JobKind, Parameters, analyze};
+use chladni::analysis::{AnalysisError, JobKind, Parameters, analyze, analyze_by};
+use chladni::geometry::survey::Rules;
 use chladni::operator::OperatorKind::{self, PbMhb, Voronoi};
 use chladni::progress::Progress;
 use rstest::rstest;
@@ -201,4 +202,55 @@ fn an_applied_operator_converges_on_independent_points() {
         (off / squares(&mut z.iter().map(|z| 2.0 * z))).sqrt()
     });
     assert!(errors[1] < 0.1 && errors[1] < errors[0], "{errors:?}");
+}
+
+#[test]
+fn a_random_square_ends_where_it_ends() {
+    let points = cloud(3, (0..4_000).flat_map(|i| [hashed(2 * i), hashed(2 * i + 1), 0.0]).collect());
+    let mut exact: Vec<f64> =
+        (0..400_u32).map(|k| PI * PI * f64::from((k / 20).pow(2) + (k % 20).pow(2))).collect();
+    exact.sort_unstable_by(f64::total_cmp);
+    let worst = |extend_rims| {
+        let rules = Rules { extend_rims, ..Rules::default() };
+        let found =
+            analyze_by(rules, &points, JobKind::Eigen, &parameters(Voronoi, 30), &Progress::new()).unwrap();
+        worst_error(&eigenvalues(&found), &exact[1..30])
+    };
+    let (without, with) = (worst(false), worst(true));
+    assert!(with < 0.03 && with < 0.7 * without, "{without} {with}");
+}
+
+/// Independent points of the unit sphere, a hundred times as dense at one pole as at the other.
+fn uneven_sphere(n: usize) -> Vec<f64> {
+    let mut kept = Vec::new();
+    for i in 0_u64.. {
+        let (z, angle) = (2.0 * hashed(3 * i) - 1.0, 2.0 * PI * hashed(3 * i + 1));
+        if hashed(3 * i + 2) < 100.0_f64.powf(-0.5 * (z + 1.0)) {
+            let radius = (1.0 - z * z).sqrt();
+            kept.extend([radius * angle.cos(), radius * angle.sin(), z]);
+        }
+        if kept.len() == 3 * n {
+            break;
+        }
+    }
+    kept
+}
+
+#[test]
+fn times_follow_the_spacing_where_the_modes_that_are_asked_for_allow_it() {
+    let points = cloud(3, uneven_sphere(8_000));
+    let found = |bases, local_bandwidth| {
+        let parameters = Parameters { local_bandwidth, ..parameters(PbMhb, bases) };
+        let analysis = eigen(&points, &parameters);
+        (
+            analysis.report.additions.local_bandwidth,
+            worst_error(&eigenvalues(&analysis), &sphere(10)[..bases - 1]),
+        )
+    };
+    let (few, many, forced) = (found(30, None), found(100, None), found(100, Some(true)));
+    let of_one = found(30, Some(false));
+    assert!(few.0 && few.1 < 0.6 * of_one.1, "{few:?} {of_one:?}");
+    assert!(!many.0 && many.1 < 0.25, "{many:?}");
+    // each time as long as the spacing asks for: 390 %
+    assert!(forced.0 && forced.1 < 0.4, "{forced:?}");
 }

@@ -23,7 +23,7 @@ const SUBMISSIONS: usize = 25;
 const BASES: usize = 3;
 
 /// Longer than a lease, so that others take up what the stopped node had.
-const STOPPED: Duration = Duration::from_secs(75);
+const STOPPED: Duration = Duration::from_mins(2);
 
 /// Every job has ended by then, a lease after the last kill included.
 const DRAINED: Duration = Duration::from_mins(10);
