@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
-# How much faster two nodes are than one, and how long a job waits: `benches/nodes.sh [jobs] [points]`, on an idle machine with the
-# programs of PostgreSQL. Each node computes with one thread; a job takes about a second.
+# How much faster two nodes are than one, how long a job waits, and how many are claimed in a second:
+# `benches/nodes.sh [jobs] [points] [bases]`, on an idle machine with the programs of PostgreSQL and Python. Each node computes
+# with one thread; a job takes about a second.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 jobs=${1:-40}
-points=${2:-6000}
+points=${2:-35000}
+bases=${3:-60}
 chladni=${CHLADNI:-target/release/chladni}
 programs=$(ls -d /usr/lib/postgresql/*/bin | sort -V | tail -n 1)
 folder=$(mktemp -d)
@@ -43,7 +45,7 @@ for seed in $(seq "$jobs"); do
 done
 submit_all() {
     for seed in $(seq "$jobs"); do
-        curl -sf -T "$folder/$seed.npy" "$address/clouds?bases=60&operator=voronoi" > "$folder/$seed.json"
+        curl -sf -T "$folder/$seed.npy" "$address/clouds?bases=$bases&operator=voronoi" > "$folder/$seed.json"
     done
 }
 seconds_for_all() { # by the records of the jobs: from the first start to the last end
@@ -66,19 +68,58 @@ for count in 1 2; do
     stop
 done
 
-# From submission to start, one job at a time, on an idle node.
-latency() { # name, database, flags
-    start "$@"
-    for seed in $(seq "$jobs"); do
-        id=$(curl -sf -T "$folder/$seed.npy" "$address/clouds?bases=4&operator=voronoi&tolerance=1e-3" |
-            grep -o '"id":"[^"]*"' | tail -n 1 | cut -d '"' -f 4)
-        curl -sf "$address/jobs/$id?wait=60" > "$folder/$seed.json"
+# Of all jobs of the service at $address: p50 and p99 from submission to start, and starts in a second.
+figures() {
+    python3 - "$address" << 'END'
+import json, sys, urllib.request
+from datetime import datetime
+
+jobs, query = [], ""
+while query is not None:
+    page = json.load(urllib.request.urlopen(f"{sys.argv[1]}/jobs?limit=100{query}"))
+    jobs += page["jobs"]
+    query = page["next"] and "&cursor=" + page["next"]
+seconds = lambda job, name: datetime.fromisoformat(job[name].replace("Z", "+00:00")).timestamp()
+waits = sorted(seconds(job, "started") - seconds(job, "created") for job in jobs)
+starts = [seconds(job, "started") for job in jobs]
+quantile = lambda q: 1000 * waits[min(len(waits) - 1, int(q * len(waits)))]
+rate = (len(starts) - 1) / (max(starts) - min(starts))
+print(f"{len(jobs)} jobs: p50 {quantile(0.5):.0f} ms, p99 {quantile(0.99):.0f} ms from submission to start; {rate:.0f} starts/s")
+END
+}
+
+"$chladni" sample sphere --points 60 -o "$folder/tiny.npy" > /dev/null
+# A tolerance of its own makes each a job of its own.
+submit_tiny() { curl -sf -T "$folder/tiny.npy" "$address/clouds?bases=2&operator=voronoi&tolerance=1.$(printf %05d "$1")e-3"; }
+
+measure() { # name, database
+    start "$1" "$2"
+    echo "$1, idle, one job at a time:"
+    for job in $(seq 200); do
+        id=$(submit_tiny "$job" | grep -o '"id":"[^"]*"' | tail -n 1 | cut -d '"' -f 4)
+        curl -sf "$address/jobs/$id?wait=60" > /dev/null
     done
-    curl -s "$address/metrics" | grep chladni_job_queue_seconds_bucket | sed 's/^/    /'
+    figures
     stop
 }
-echo 'From submission to start, SQLite:'
-latency sqlite "$folder/one.db"
-echo 'From submission to start, PostgreSQL:'
+measure SQLite "$folder/idle.db"
 sql -c 'CREATE DATABASE idle'
-latency postgres "postgresql:///idle?host=$folder/pg&user=postgres"
+measure PostgreSQL "postgresql:///idle?host=$folder/pg&user=postgres"
+
+drain() { # name, database: how fast one node empties a queue of 1,000, which a long job holds up until they all wait
+    start "$1-drain" "$2" --queue-max 2000 --queue-max-per-key 2000 --workers 1
+    long=$(curl -sf -T "$folder/long.npy" "$address/clouds?bases=500&operator=voronoi" |
+        grep -o '"id":"[^"]*"' | tail -n 1 | cut -d '"' -f 4)
+    for job in $(seq 1000); do submit_tiny "$job" > /dev/null; done
+    curl -sf -X POST "$address/jobs/$long/cancel" > /dev/null
+    until curl -sf "$address/jobs?state=queued&limit=1" | grep -q '"jobs":\[\]'; do sleep 0.2; done
+    sleep 1
+    curl -sf -X DELETE "$address/jobs/$long"
+    echo "$1, 1,000 jobs waiting:"
+    figures
+    stop
+}
+"$chladni" sample sphere --points 400000 -o "$folder/long.npy" > /dev/null
+drain SQLite "$folder/drain.db"
+sql -c 'CREATE DATABASE drain'
+drain PostgreSQL "postgresql:///drain?host=$folder/pg&user=postgres"

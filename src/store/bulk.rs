@@ -7,6 +7,7 @@ use uuid::Uuid;
 
 use super::StoreError;
 use super::connection::{Connection, Driver};
+use super::postgres;
 
 /// Bytes that are gathered before they are sent.
 const SENT_BYTES: usize = 1 << 20;
@@ -95,7 +96,7 @@ impl<'c> Rows<'c> {
         Ok(match connection.driver() {
             Driver::Sqlite(connection) => Self::Sqlite(connection, destination.insert),
             Driver::Postgres(connection) => {
-                let stream = connection.copy_in_raw(destination.copy).await?;
+                let stream = postgres::answer(connection.copy_in_raw(destination.copy)).await?;
                 Self::Postgres(stream, HEAD.to_vec())
             }
         })
@@ -130,7 +131,7 @@ impl<'c> Rows<'c> {
             field.append(gathered);
         }
         if gathered.len() >= SENT_BYTES {
-            stream.send(&gathered[..]).await?;
+            postgres::answer(stream.send(&gathered[..])).await?;
             gathered.clear();
         }
         Ok(())
@@ -139,8 +140,8 @@ impl<'c> Rows<'c> {
     pub(super) async fn finish(self) -> Result<(), StoreError> {
         if let Self::Postgres(mut stream, mut gathered) = self {
             gathered.extend(TAIL);
-            stream.send(gathered).await?;
-            stream.finish().await?;
+            postgres::answer(stream.send(gathered)).await?;
+            postgres::answer(stream.finish()).await?;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use uuid::Uuid;
 
 use super::connection::Connection;
+use super::engine::Engine;
 use super::rows::{integer, job_record, select_jobs, to_json, unreadable};
 use super::settings::Time;
 use super::{Claim, Milliseconds, Store, StoreError, detached};
@@ -18,6 +19,9 @@ macro_rules! claim {
 /// Longer than any delay after which a job is tried again. One that is to wait longer was put back before the clock was
 /// set back, and is let go.
 const DELAY_MAX: Milliseconds = 15 * 60 * 1000;
+
+/// How long a job that this version cannot read is kept from being claimed, so that a node of another version comes upon it.
+const LEFT: Milliseconds = 5 * 1000;
 
 impl Store {
     /// Claims the next job for `process`; `None` when none waits. Owners take turns: next is the oldest job of the owner
@@ -36,7 +40,7 @@ impl Store {
     /// A job that cannot be claimed yet keeps those behind it waiting: were they let past, it might wait for ever. Only a
     /// job that this node can never run, because it needs more than its budget, is left to larger nodes.
     ///
-    /// A job whose record cannot be read ends failed.
+    /// A job whose record cannot be read is left to a node of another version, and ends failed where there is none.
     ///
     /// # Errors
     /// [`StoreError::Database`].
@@ -68,6 +72,12 @@ impl Store {
                     .await?;
                 match job_record(&row) {
                     Ok(job) => break Some(Claim { job, lease }),
+                    Err(StoreError::Damaged(_))
+                        if Engine::other_version_computes(&mut transaction, time.now).await? =>
+                    {
+                        tracing::info!(job = %id, "a job that this version cannot read is left to another version");
+                        leave(&mut transaction, id, time.now).await?;
+                    }
                     Err(StoreError::Damaged(cause)) => {
                         tracing::error!(job = %id, %cause, "a job that cannot be read ends failed");
                         mark_unreadable(&mut transaction, id, time.now, &cause).await?;
@@ -150,6 +160,19 @@ impl Store {
         .await?;
         Ok(has_work)
     }
+}
+
+/// Gives a claimed job back to its place in the queue, its attempt not counted, for others to claim.
+async fn leave(connection: &mut Connection, job: Uuid, now: Milliseconds) -> Result<(), StoreError> {
+    connection.query(
+        "UPDATE jobs SET state = 'queued', attempt = attempt - 1, not_before = $2, lease_until = NULL, process_id = NULL \
+         WHERE id = $1",
+    )
+    .bind(job)
+    .bind(now + LEFT)
+    .execute()
+    .await?;
+    Ok(())
 }
 
 /// Ends a claimed job that cannot be read.

@@ -16,7 +16,7 @@ use sqlx::{
     SqliteConnection, Transaction, Type,
 };
 
-use super::{StoreError, sqlite};
+use super::{StoreError, postgres, sqlite};
 
 /// A connection, or a transaction on one.
 pub(super) enum Connection {
@@ -76,7 +76,7 @@ impl Connection {
         match self {
             Self::SqliteWriter(writer) => writer.commit().await,
             Self::SqliteSnapshot(transaction) => Ok(transaction.commit().await?),
-            Self::PostgresTransaction(transaction) => Ok(transaction.commit().await?),
+            Self::PostgresTransaction(transaction) => Ok(postgres::answer(transaction.commit()).await?),
             Self::Sqlite(_) | Self::Postgres(_) => Ok(()),
         }
     }
@@ -124,7 +124,9 @@ impl<'c> Query<'c> {
     pub(super) async fn execute(self) -> Result<u64, Error> {
         Ok(match self {
             Self::Sqlite(connection, query) => query.execute(connection).await?.rows_affected(),
-            Self::Postgres(connection, query) => query.execute(connection).await?.rows_affected(),
+            Self::Postgres(connection, query) => {
+                postgres::answer(query.execute(connection)).await?.rows_affected()
+            }
         })
     }
 
@@ -135,7 +137,9 @@ impl<'c> Query<'c> {
     pub(super) async fn fetch_optional(self) -> Result<Option<Row>, Error> {
         Ok(match self {
             Self::Sqlite(connection, query) => query.fetch_optional(connection).await?.map(Row::Sqlite),
-            Self::Postgres(connection, query) => query.fetch_optional(connection).await?.map(Row::Postgres),
+            Self::Postgres(connection, query) => {
+                postgres::answer(query.fetch_optional(connection)).await?.map(Row::Postgres)
+            }
         })
     }
 
@@ -146,7 +150,9 @@ impl<'c> Query<'c> {
     pub(super) fn fetch(self) -> BoxStream<'c, Result<Row, Error>> {
         match self {
             Self::Sqlite(connection, query) => query.fetch(connection).map_ok(Row::Sqlite).boxed(),
-            Self::Postgres(connection, query) => query.fetch(connection).map_ok(Row::Postgres).boxed(),
+            Self::Postgres(connection, query) => {
+                postgres::answers(query.fetch(connection)).map_ok(Row::Postgres).boxed()
+            }
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::connection::Connection;
 use super::settings::{Time, system_time};
-use super::{Space, StoreError, StoreSettings, Subject, postgres, sqlite};
+use super::{Milliseconds, Space, StoreError, StoreSettings, Subject, postgres, sqlite};
 
 /// Connections to the database.
 #[derive(Debug, Clone)]
@@ -16,7 +16,9 @@ impl Engine {
     pub(super) async fn reader(&self) -> Result<Connection, StoreError> {
         Ok(match self {
             Self::Sqlite(database) => Connection::Sqlite(database.readers.acquire().await?),
-            Self::Postgres(database) => Connection::Postgres(database.records.acquire().await?),
+            Self::Postgres(database) => {
+                Connection::Postgres(postgres::answer(database.records().acquire()).await?)
+            }
         })
     }
 
@@ -35,7 +37,9 @@ impl Engine {
                 let connection = database.writer.acquire().await?;
                 Ok(Connection::SqliteWriter(sqlite::Writer::begin(connection).await?))
             }
-            Self::Postgres(database) => Ok(Connection::PostgresTransaction(database.records.begin().await?)),
+            Self::Postgres(database) => {
+                Ok(Connection::PostgresTransaction(postgres::answer(database.records().begin()).await?))
+            }
         }
     }
 
@@ -84,6 +88,17 @@ impl Engine {
         match connection.postgres() {
             None => Ok(settings.memory_budget),
             Some(connection) => postgres::memory_budget(connection, settings, now).await,
+        }
+    }
+
+    /// Whether a node of another version computes jobs of this database. An SQLite file has one node.
+    pub(super) async fn other_version_computes(
+        connection: &mut Connection,
+        now: Milliseconds,
+    ) -> Result<bool, StoreError> {
+        match connection.postgres() {
+            None => Ok(false),
+            Some(connection) => postgres::other_version_computes(connection, now).await,
         }
     }
 

@@ -66,6 +66,12 @@ impl Cluster {
         format!("postgresql:///{database}?host={}&user={user}", self.folder.display())
     }
 
+    /// The server's socket.
+    #[allow(dead_code)] // the tests of the store have no use for it
+    pub(crate) fn socket(&self) -> PathBuf {
+        self.folder.join(".s.PGSQL.5432")
+    }
+
     /// Runs statements, each in a transaction of its own.
     pub(crate) fn sql(&self, database: &str, statements: &str) -> String {
         let mut psql = Command::new(self.programs.join("psql"));

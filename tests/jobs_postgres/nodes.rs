@@ -240,3 +240,29 @@ async fn the_servers_clock_tells_the_time_of_all_nodes() {
     let of_server = stage.number("SELECT (extract(epoch FROM clock_timestamp()) * 1000)::bigint").await;
     assert!((of_server - stored.created).abs() < 20_000, "{of_server} {}", stored.created);
 }
+
+#[tokio::test]
+async fn a_job_that_a_node_cannot_read_is_left_to_another_version_while_there_is_one() {
+    let stage = Stage::new();
+    let store = node(&stage, u64::MAX >> 1).await;
+    let future = submit(&store, &cloud(20, 1), 2).await.id;
+    let behind = submit(&store, &cloud(20, 2), 2).await.id;
+    stage
+        .tamper("UPDATE jobs SET parameters = json_set(parameters, '$.future', 1) WHERE id = (SELECT id FROM jobs ORDER BY id LIMIT 1)")
+        .await;
+    stage
+        .tamper(
+            "INSERT INTO nodes (id, version, memory_budget, threads, workers, heartbeat) \
+             SELECT gen_random_uuid(), '9.9.9', memory_budget, threads, workers, heartbeat FROM nodes",
+        )
+        .await;
+    let state = "SELECT count(*) FROM jobs WHERE state = 'queued' AND attempt = 0 AND process_id IS NULL";
+    assert_eq!(store.claim(store.node()).await.unwrap().unwrap().job.id, behind);
+    assert_eq!(stage.number(state).await, 1, "it is not left as it was");
+    assert!(store.claim(store.node()).await.unwrap().is_none(), "it is looked at again at once");
+    // The other node is gone.
+    stage.advance(HOUR);
+    store.claim(store.node()).await.unwrap();
+    let ended = store.job(future).await.unwrap();
+    assert_eq!((ended.state, stage.number(state).await), (JobState::Failed, 0));
+}

@@ -15,6 +15,7 @@ mod files;
 mod load;
 mod logs;
 mod memory;
+mod network;
 mod nodes;
 mod process;
 #[allow(dead_code, unused_imports)] // the other half is used by the tests of the store

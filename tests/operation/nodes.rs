@@ -30,7 +30,7 @@ const DRAINED: Duration = Duration::from_mins(10);
 
 /// A cluster and a database, or why there is none.
 #[allow(clippy::print_stdout)] // a skipped test must say so
-fn cluster() -> Option<(Cluster, String)> {
+pub(crate) fn cluster() -> Option<(Cluster, String)> {
     match Cluster::start() {
         Ok(cluster) => {
             cluster.sql("postgres", "CREATE DATABASE chladni");

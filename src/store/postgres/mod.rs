@@ -3,32 +3,25 @@
 //! Every node serves all clouds and results, and takes jobs that fit it from the one queue. Nobody touches what another node
 //! has claimed before its lease has run out by the server's clock.
 
+mod connections;
 mod news;
 mod nodes;
 mod opening;
+mod silence;
 
 use std::sync::Arc;
-use std::time::Duration;
 
-use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use sqlx::{Executor, PgConnection, PgPool, Postgres, Transaction};
 use tokio_util::sync::{CancellationToken, DropGuard};
 use uuid::Uuid;
 
-pub(super) use nodes::memory_budget;
+pub(super) use nodes::{memory_budget, other_version_computes};
+pub(super) use silence::{answer, answers};
 
 use super::settings::Time;
 use super::{DatabaseAddress, Milliseconds, News, Space, StoreError, StoreSettings, Subject};
+use connections::Connections;
 use news::Teller;
-
-/// How long a caller waits for a connection; meanwhile a server that is being restarted may come back.
-const ACQUIRE: Duration = Duration::from_secs(30);
-
-/// Connections that write, beside those that read.
-const WRITERS: u32 = 4;
-
-/// A node that was stopped or cut off within a transaction must not keep what it locked; and nobody waits longer for a lock.
-const TIMEOUTS: &str = "SET idle_in_transaction_session_timeout = '30s'; SET lock_timeout = '30s'";
 
 /// All statements of a reading see one state. It takes no lock that a writer would wait for.
 const SNAPSHOT: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY";
@@ -36,9 +29,7 @@ const SNAPSHOT: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY";
 /// Connections to the database, and the tasks that listen to it and beat for this node.
 #[derive(Debug, Clone)]
 pub(super) struct Database {
-    /// For everything but arrays that are read.
-    pub(super) records: PgPool,
-    arrays: PgPool,
+    connections: Connections,
     teller: Teller,
     stopping: CancellationToken,
     /// Ends the tasks when nobody holds the database any more.
@@ -54,33 +45,36 @@ impl Database {
         news: News,
     ) -> Result<Self, StoreError> {
         let options = opening::prepare(address).await?;
-        let records = pool(settings.readers + WRITERS, &options);
-        let arrays = pool(settings.array_readers, &options);
-        nodes::beat(&records, settings, node).await?;
+        let connections = Connections::new(options, settings);
+        nodes::beat(&connections.records(), settings, node).await?;
         let stopping = CancellationToken::new();
-        let teller = Teller::start(records.clone(), node, stopping.clone());
-        tokio::spawn(news::listen(pool(1, &options), node, news, stopping.clone()));
-        tokio::spawn(nodes::keep_beating(records.clone(), settings.clone(), node, stopping.clone()));
+        let teller = Teller::start(connections.clone(), node, stopping.clone());
+        tokio::spawn(news::listen(connections.clone(), node, news, stopping.clone()));
+        tokio::spawn(nodes::keep_beating(connections.clone(), settings.clone(), node, stopping.clone()));
         let guard = Arc::new(stopping.clone().drop_guard());
-        Ok(Self { records, arrays, teller, stopping, _guard: guard })
+        Ok(Self { connections, teller, stopping, _guard: guard })
     }
 
     pub(super) async fn close(&self) {
         self.stopping.cancel();
-        self.arrays.close().await;
-        self.records.close().await;
+        self.connections.close().await;
+    }
+
+    /// For everything but arrays that are read.
+    pub(super) fn records(&self) -> PgPool {
+        self.connections.records()
     }
 
     /// Begun in a task of its own: a dropped beginning would leave an open transaction in the pool
     /// (<https://github.com/launchbadge/sqlx/issues/4385>), and readers are dropped with their clients.
     pub(super) async fn snapshot(&self) -> Result<Transaction<'static, Postgres>, StoreError> {
-        let arrays = self.arrays.clone();
-        super::detached(async move { Ok(arrays.begin_with(SNAPSHOT).await?) }).await
+        let arrays = self.connections.arrays();
+        super::detached(async move { Ok(answer(arrays.begin_with(SNAPSHOT)).await?) }).await
     }
 
     pub(super) async fn space(&self) -> Result<Space, StoreError> {
         let bytes: i64 = sqlx::query_scalar("SELECT pg_database_size(current_database())")
-            .fetch_one(&self.records)
+            .fetch_one(&self.records())
             .await?;
         Ok(Space { file: bytes as u64, free_pages: 0, disk_free: None })
     }
@@ -89,19 +83,6 @@ impl Database {
     pub(super) fn tell(&self, subject: Subject) {
         self.teller.tell(subject);
     }
-}
-
-fn pool(connections: u32, options: &PgConnectOptions) -> PgPool {
-    PgPoolOptions::new()
-        .max_connections(connections)
-        .acquire_timeout(ACQUIRE)
-        .after_connect(|connection, _| {
-            Box::pin(async move {
-                connection.execute(TIMEOUTS).await?;
-                Ok(())
-            })
-        })
-        .connect_lazy_with(options.clone())
 }
 
 /// The server's clock. While the server was away no lease could be renewed: for the time of one lease after its start, none

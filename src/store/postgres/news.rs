@@ -14,12 +14,16 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
+use super::connections::Connections;
 use crate::store::{News, Subject};
 
 const CHANNEL: &str = "chladni";
 
 /// What is told within this time is told once.
 const PAUSE: Duration = Duration::from_millis(50);
+
+/// What cannot be told within this time need not be: the others have looked by then.
+const TOLD: Duration = Duration::from_secs(4);
 
 /// Without any message, something may have happened after this time.
 const POLL: Duration = Duration::from_secs(2);
@@ -43,12 +47,12 @@ struct Pending {
 }
 
 impl Teller {
-    pub(super) fn start(pool: PgPool, node: Uuid, stopping: CancellationToken) -> Self {
+    pub(super) fn start(connections: Connections, node: Uuid, stopping: CancellationToken) -> Self {
         let teller = Self::default();
         let telling = teller.clone();
         tokio::spawn(async move {
             tokio::select! {
-                () = telling.keep_telling(&pool, node) => {}
+                () = telling.keep_telling(&connections, node) => {}
                 () = stopping.cancelled() => {}
             }
         });
@@ -63,7 +67,7 @@ impl Teller {
         self.0.any.notify_one();
     }
 
-    async fn keep_telling(&self, pool: &PgPool, node: Uuid) {
+    async fn keep_telling(&self, connections: &Connections, node: Uuid) {
         loop {
             self.0.any.notified().await;
             let (change, arrival) =
@@ -73,13 +77,13 @@ impl Teller {
                 (true, false) => CHANGE,
                 (false, false) => continue,
             };
-            let told = sqlx::query("SELECT pg_notify($1, $2)")
+            let pool = connections.records();
+            let telling = sqlx::query("SELECT pg_notify($1, $2)")
                 .bind(CHANNEL)
                 .bind(format!("{node} {word}"))
-                .execute(pool)
-                .await;
-            if let Err(error) = told {
-                tracing::debug!(%error, "other nodes are not told; they look by themselves");
+                .execute(&pool);
+            if !matches!(tokio::time::timeout(TOLD, telling).await, Ok(Ok(_))) {
+                tracing::debug!("other nodes are not told; they look by themselves");
             }
             tokio::time::sleep(PAUSE).await;
         }
@@ -87,9 +91,9 @@ impl Teller {
 }
 
 /// Passes on what other nodes tell, until `stopping`.
-pub(super) async fn listen(pool: PgPool, node: Uuid, news: News, stopping: CancellationToken) {
+pub(super) async fn listen(connections: Connections, node: Uuid, news: News, stopping: CancellationToken) {
     tokio::select! {
-        () = keep_listening(&pool, node, &news) => {}
+        () = keep_listening(&connections, node, &news) => {}
         () = keep_polling(&news) => {}
         () = stopping.cancelled() => {}
     }
@@ -104,26 +108,36 @@ async fn keep_polling(news: &News) {
     }
 }
 
-async fn keep_listening(pool: &PgPool, node: Uuid, news: &News) {
-    let own = node.to_string();
+/// On connections that are made anew it begins anew.
+async fn keep_listening(connections: &Connections, node: Uuid, news: &News) {
+    let mut renewals = connections.renewals();
     loop {
-        match listener(pool).await {
-            Ok(mut listener) => {
-                // Whatever was told before is not known.
-                news.tell(Subject::Arrival);
-                while let Ok(Some(message)) = listener.try_recv().await {
-                    match message.payload().split_once(' ') {
-                        Some((sender, _)) if sender == own => {}
-                        Some((_, ARRIVAL)) => news.tell(Subject::Arrival),
-                        _ => news.tell(Subject::Change),
-                    }
+        let pool = connections.news();
+        tokio::select! {
+            () = listen_once(&pool, node, news) => tokio::time::sleep(RETRY).await,
+            _ = renewals.changed() => {}
+        }
+    }
+}
+
+/// Until the connection is lost.
+async fn listen_once(pool: &PgPool, node: Uuid, news: &News) {
+    let own = node.to_string();
+    match listener(pool).await {
+        Ok(mut listener) => {
+            // Whatever was told before is not known.
+            news.tell(Subject::Arrival);
+            while let Ok(Some(message)) = listener.try_recv().await {
+                match message.payload().split_once(' ') {
+                    Some((sender, _)) if sender == own => {}
+                    Some((_, ARRIVAL)) => news.tell(Subject::Arrival),
+                    _ => news.tell(Subject::Change),
                 }
             }
-            Err(error) => {
-                tracing::warn!(%error, "cannot listen to other nodes; it is looked for changes every few seconds");
-            }
         }
-        tokio::time::sleep(RETRY).await;
+        Err(error) => {
+            tracing::warn!(%error, "cannot listen to other nodes; it is looked for changes every few seconds");
+        }
     }
 }
 

@@ -6,14 +6,21 @@ use sqlx::{PgConnection, PgPool};
 use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
+use super::connections::Connections;
 use crate::store::columns::integer;
 use crate::store::{Milliseconds, StoreError, StoreSettings};
 
 /// Between two signs of life.
 const BEAT: Duration = Duration::from_secs(10);
 
+/// How long a sign of life may take.
+const ANSWER: Duration = Duration::from_secs(20);
+
 /// A node that was seen within this time counts when it is judged what a job may need: it may only be starting anew.
 const SEEN: Milliseconds = 60 * 60 * 1000;
+
+/// A node that was seen within this time is there now.
+const PRESENT: Milliseconds = 60 * 1000;
 
 /// A node that was not seen for this long is forgotten.
 const FORGOTTEN: Milliseconds = 7 * 24 * 60 * 60 * 1000;
@@ -44,9 +51,10 @@ pub(super) async fn beat(pool: &PgPool, settings: &StoreSettings, node: Uuid) ->
     Ok(())
 }
 
-/// Tells it again and again, until `stopping`.
+/// Tells it again and again, until `stopping`. Where the server does not even refuse, the connections are made anew: a network
+/// that was cut may have forgotten them.
 pub(super) async fn keep_beating(
-    pool: PgPool,
+    connections: Connections,
     settings: StoreSettings,
     node: Uuid,
     stopping: CancellationToken,
@@ -56,8 +64,16 @@ pub(super) async fn keep_beating(
             () = tokio::time::sleep(BEAT) => {}
             () = stopping.cancelled() => return,
         }
-        if let Err(error) = beat(&pool, &settings, node).await {
-            tracing::warn!(%error, "the node cannot tell the others that it is there");
+        match tokio::time::timeout(ANSWER, beat(&connections.records(), &settings, node)).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => tracing::warn!(%error, "the node cannot tell the others that it is there"),
+            Err(_) => {
+                tracing::warn!(
+                    "the server did not answer in {} seconds; the node connects anew",
+                    ANSWER.as_secs()
+                );
+                connections.renew();
+            }
         }
     }
 }
@@ -77,4 +93,18 @@ pub(in crate::store) async fn memory_budget(
     let others = largest.map(|bytes| bytes as u64);
     let own = (settings.node.workers > 0 || others.is_none()).then_some(settings.memory_budget);
     Ok(others.max(own).unwrap_or_default())
+}
+
+/// Whether a node of another version computes: it may be able to read what this one cannot.
+pub(in crate::store) async fn other_version_computes(
+    connection: &mut PgConnection,
+    now: Milliseconds,
+) -> Result<bool, StoreError> {
+    Ok(sqlx::query_scalar(
+        "SELECT EXISTS (SELECT 1 FROM nodes WHERE workers > 0 AND version <> $1 AND heartbeat > $2)",
+    )
+    .bind(env!("CARGO_PKG_VERSION"))
+    .bind(now - PRESENT)
+    .fetch_one(connection)
+    .await?)
 }
