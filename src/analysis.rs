@@ -36,7 +36,7 @@ use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::Rules;
 use crate::geometry::{Components, Points, components};
 use crate::operator::bandwidth;
-use crate::operator::{LaplaceBeltrami, OperatorKind, Sparse, Structure};
+use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::{Eigenbasis, Method, Problem, Request, Solution, Spectrum, Weyl, certificates, solve};
 
