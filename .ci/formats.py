@@ -13,7 +13,7 @@ import numpy as np
 
 CHLADNI = str(Path(sys.argv[1]).resolve())
 rng = np.random.default_rng(7)
-# A georeferenced sphere on a grid of millimetres.
+# A georeferenced sphere on a grid of millimeters.
 points = rng.normal(size=(500, 3))
 points = np.round(points / np.linalg.norm(points, axis=1)[:, None], 3) + [500000.0, 5200000.0, 100.0]
 colors = rng.integers(0, 256, size=(500, 3), dtype=np.uint8)
@@ -172,7 +172,7 @@ def read_by_chladni(folder, exchanged):
         cloud.save(path, encoding)
         found, fields = convert(path)
         check(path.name, found, near, 1e-9)
-        # pypcd4 writes ten decimals, of which nothing is left of a colour packed into a float.
+        # pypcd4 writes ten decimals, of which nothing is left of a color packed into a float.
         for i, name in enumerate(() if encoding == pypcd4.Encoding.ASCII else ("red", "green", "blue")):
             check(f"{path.name} {name}", fields[name], colors[:, i], 0)
 

@@ -1,4 +1,4 @@
-//! Cloud → operator → spectrum: all stages on one screen.
+//! Cloud → operator → spectrum: all stages on one screen, [`analyze_by`].
 
 mod admission;
 mod assembly;
@@ -7,6 +7,7 @@ mod error;
 mod expected;
 mod fidelity;
 mod laplacian;
+mod measured;
 mod memory;
 mod neighborhoods;
 mod parameters;
@@ -27,25 +28,20 @@ pub use result::{Analysis, SparseMatrix};
 use admission::{Bases, check_cells, triangles};
 use assembly::{Assembled, Surface, assemble};
 use expected::Doubts;
-use neighborhoods::Neighborhoods;
+use measured::{Figures, Measured};
 use result::NO_PLACE;
 
 use crate::cloud::PointCloud;
-use crate::geometry::cells::CellOptions;
 use crate::geometry::points::POINTS_MIN;
-use crate::geometry::survey::{Rules, Survey};
-use crate::geometry::{Components, Frames, Points, Sampling, cells, components, frames};
+use crate::geometry::survey::Rules;
+use crate::geometry::{Components, Points, components};
 use crate::operator::bandwidth;
-use crate::operator::{LaplaceBeltrami, OperatorKind, Sparse, Structure};
+use crate::operator::{LaplaceBeltrami, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::{Eigenbasis, Method, Problem, Request, Solution, Spectrum, Weyl, certificates, solve};
 
 /// Components of fewer points carry no result.
 const COMPONENT_MIN: usize = POINTS_MIN;
-
-/// (k+1)-th over k-th principal variance of the neighborhoods from which on the caller is warned. On a surface noise of
-/// half a spacing gives about 0.15, a volume more than 0.5.
-const THICKNESS_WARNED: f64 = 0.25;
 
 /// Largest residual, in the dual norm, of bases that come of a thinned sample: eigenvalues are at most about 5 % off.
 const PROLONGED_MAX: f64 = 0.05;
@@ -67,7 +63,6 @@ pub fn analyze(
 ///
 /// # Errors
 /// [`AnalysisError`].
-#[allow(clippy::too_many_lines)] // all stages on one screen
 pub fn analyze_by(
     rules: Rules,
     cloud: &PointCloud,
@@ -84,43 +79,9 @@ pub fn analyze_by(
     let triangles = triangles(cloud, &points, parameters)?;
 
     progress.expect(durations::expected(kind, parameters, points.len()));
-    progress.enter(Phase::Neighborhoods)?;
-    let Neighborhoods { points, tree, nearest, merged, strays, noise } =
-        Neighborhoods::find(points, parameters, rules, progress)?;
-    let frames = frames(&points, &nearest, parameters.dimension, progress)?;
-    let mut warnings = warnings_of_dimension(&frames);
-    let dimension_estimate = frames.dimension_estimate();
-
-    progress.enter(Phase::Cells)?;
-    let additions = parameters.additions();
-    let options = CellOptions {
-        isometric: additions.isometric_cells,
-        clip_rims: additions.isometric_cells,
-        sheet_aware: additions.sheet_aware,
-    };
-    let (frames, surveyed) = if additions.isometric_cells && parameters.dimension == 2 {
-        let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules };
-        let surveyed = survey.triangulate(frames, additions.sheet_aware, progress)?;
-        (surveyed.frames.clone(), Some(surveyed))
-    } else {
-        (frames, None)
-    };
-    let stars = surveyed.as_ref().map(|surveyed| &surveyed.stars);
-    let mut cells = match stars {
-        Some(stars) => stars.cells(&points),
-        None => cells(&points, &tree, &nearest, &frames, options, progress)?,
-    };
-    let fidelity = surveyed
-        .as_ref()
-        .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
-    warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
-    progress.checkpoint()?;
-    // kernels reach beyond rims: to them random rims gain less than the ragged holes of scans lose
-    if let Some(stars) = stars.filter(|_| parameters.operator == OperatorKind::Voronoi && rules.extend_rims) {
-        cells.extend_rims(&points, stars);
-    }
-    let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
-    sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
+    let Measured { points, tree, nearest, frames, surveyed, cells, figures } =
+        Measured::of(points, parameters, rules, progress)?;
+    let Figures { mut lonely, dimension_estimate, mut sampling, fidelity, mut warnings } = figures;
     let stretch =
         surveyed.as_ref().filter(|_| rules.resolve_stretch).map_or(1.0, |surveyed| surveyed.stretch);
     let parameters = &parameters.for_kind(kind, &sampling, points.len()).for_stretch(stretch);
@@ -131,7 +92,7 @@ pub fn analyze_by(
         tree: &tree,
         nearest: &nearest,
         cells: &cells,
-        stars,
+        stars: surveyed.as_ref().map(|surveyed| &surveyed.stars),
         orientation: surveyed.as_ref().map(|surveyed| &surveyed.orientation),
         sampling: &sampling,
         triangles: &triangles,
@@ -151,33 +112,14 @@ pub fn analyze_by(
     };
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
-    let Connected { laplacian, components, .. } = &operator;
-    let used = laplacian.mass.len();
-    check_cells(parameters, &sampling, used)?;
-    let mut report = Report {
-        operator: parameters.operator,
-        rows: cloud.len(),
-        ambient_dimension: cloud.dimension(),
-        dimension: parameters.dimension,
-        dimension_estimate,
-        points_used: used,
-        duplicates: points.duplicates(),
-        nonfinite: cloud.nonfinite(),
-        isolated: points.len() - used + strays.len(),
-        components: components.size.len(),
-        sampling,
-        heat_kernel: laplacian.heat_kernel,
-        additions: Additions { local_bandwidth: laplacian.times.is_some(), ..additions },
-        nonzeros: laplacian.stiffness.nonzeros(),
-        neighbors: laplacian.stiffness.nonzeros() as f64 / used as f64 - 1.0,
-        warnings,
-        fidelity,
-        spectrum: None,
-    };
-    let small = (0..points.len()).filter(|&i| place[i] == NO_PLACE).map(|i| points.row(i));
-    report.warn_of_sampling(strays.into_iter().chain(small).collect());
+    check_cells(parameters, &sampling, operator.laplacian.mass.len())?;
+    lonely.extend((0..points.len()).filter(|&i| place[i] == NO_PLACE).map(|i| points.row(i)));
+    let figures = Figures { lonely, dimension_estimate, sampling, fidelity, warnings };
+    let components = operator.components.size.len();
+    let mut report =
+        Report::of(cloud, parameters, points.duplicates(), &operator.laplacian, components, figures);
 
-    let mass = laplacian.mass.clone();
+    let mass = operator.laplacian.mass.clone();
     let (stiffness, eigenbasis) = match kind {
         JobKind::Operator => (Some(operator.laplacian.stiffness), None),
         JobKind::Eigen => {
@@ -232,22 +174,7 @@ fn eigenpairs(
     progress.hold(memory_beside_factor(n, dimension, stored as u64, parameters));
     let solution = solve(&problem, &request, progress)?;
     progress.checkpoint()?;
-    if solution.solved_points > request.solved_max {
-        report.warnings.push(format!(
-            "the cloud could not be thinned out to {} points, and all of them were solved: it is no surface in space, falls \
-             apart, or has too few points for so many bases",
-            request.solved_max
-        ));
-    }
-    if solution.method == Method::Prolonged {
-        check_prolonged(&solution)?;
-    } else if solution.certificates.residual > parameters.tolerance {
-        return Err(AnalysisError::Cloud(format!(
-            "the eigenpairs have residuals up to {:.1e}, above the tolerance {:.1e}: the operator's entries differ too much in \
-             size for double precision; look for points that nearly coincide, or take a larger `tolerance`",
-            solution.certificates.residual, parameters.tolerance
-        )));
-    }
+    check_solution(&solution, request.solved_max, parameters.tolerance, report)?;
     let raw = solution.values;
     let mut imaginary = solution.imaginary.clone();
     imaginary.resize(raw.len(), 0.0);
@@ -290,12 +217,38 @@ fn eigenpairs(
     Ok(Eigenbasis::new(&problem, solution.vectors, &solution.imaginary))
 }
 
+/// Warns of a cloud that could not be thinned, and refuses pairs that are not what was asked for.
+fn check_solution(
+    solution: &Solution,
+    solved_max: usize,
+    tolerance: f64,
+    report: &mut Report,
+) -> Result<(), AnalysisError> {
+    if solution.solved_points > solved_max {
+        report.warnings.push(format!(
+            "the cloud could not be thinned out to {} points, and all of them were solved: it is not a surface in \
+             space, is disconnected, or has too few points for this number of bases",
+            solved_max
+        ));
+    }
+    if solution.method == Method::Prolonged {
+        check_prolonged(solution)?;
+    } else if solution.certificates.residual > tolerance {
+        return Err(AnalysisError::Cloud(format!(
+            "the eigenpairs have residuals up to {:.1e}, above the tolerance {:.1e}: the operator's entries differ too much in \
+             size for double precision; look for points that nearly coincide, or take a larger `tolerance`",
+            solution.certificates.residual, tolerance
+        )));
+    }
+    Ok(())
+}
+
 /// Refuses bases of a sample that is another surface than the points.
 fn check_prolonged(solution: &Solution) -> Result<(), AnalysisError> {
     match solution.certificates.dual_residual {
         Some(dual) if dual <= PROLONGED_MAX => Ok(()),
         dual => Err(AnalysisError::Cloud(format!(
-            "thinned out to {} points the surface is another one: the bases brought back to all points leave residuals of \
+            "the surface is not preserved when thinned to {} points: the bases extended to all points leave residuals of \
              {:.1e} in the dual norm, more than {PROLONGED_MAX}; take a larger `solved_points`, fewer `bases`, or `exact`",
             solution.solved_points,
             dual.unwrap_or(f64::INFINITY)
@@ -310,26 +263,6 @@ fn first_eigenvalue(report: &Report, plateau: Option<f64>) -> f64 {
         return report.neighbors / (plateau.unwrap_or(1.0) * report.points_used as f64);
     }
     Weyl::first_of(report.sampling.area, report.dimension)
-}
-
-/// Says when the neighborhoods do not look like those of a k-manifold.
-fn warnings_of_dimension(frames: &Frames) -> Vec<String> {
-    let (k, estimate) = (frames.intrinsic(), frames.dimension_estimate());
-    let mut warnings = Vec::new();
-    if estimate != k {
-        warnings.push(format!(
-            "most neighborhoods look {estimate}-dimensional, the analysis takes the points for samples of a \
-             {k}-dimensional manifold (`dimension`)"
-        ));
-    } else if frames.thickness() > THICKNESS_WARNED {
-        warnings.push(format!(
-            "the neighborhoods are hardly flat (their principal variance number {} is {:.0} % of the one before): the \
-             points do not sample a {k}-dimensional manifold, or their noise is as large as their spacing",
-            k + 1,
-            100.0 * frames.thickness()
-        ));
-    }
-    warnings
 }
 
 /// An operator on the points that carry results.

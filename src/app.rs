@@ -26,7 +26,7 @@ pub use settings::Settings;
 pub use values::{address, bytes};
 
 use crate::http::{self, Hosts, Keys, KeysError, Pools, Service};
-use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, Urgency, analyses};
+use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, Urgency, default_analysis};
 use crate::metrics::Metrics;
 use crate::store::{DatabaseLock, Store, StoreError};
 
@@ -103,7 +103,7 @@ impl App {
     /// # Errors
     /// [`StartError`]; nothing is left running then.
     pub async fn start(settings: Settings) -> Result<Self, StartError> {
-        Self::start_with(settings, analyses()).await
+        Self::start_with(settings, default_analysis()).await
     }
 
     /// As [`Self::start`], with another analysis in place of the library's.
@@ -150,7 +150,7 @@ impl App {
             let router = http::router(service);
             tokio::spawn(listener::serve(listener, router, settings.connections(), stopping))
         });
-        // paths of this machine are no one's business who reads the log elsewhere
+        // do not log local paths
         let server = settings.database.path().is_none().then(|| settings.database.to_string());
         tracing::info!(node = %store.node(), database = server.as_deref(), "started");
         Ok(Self { address, stopping, listening, jobs, store, keys, settings, _lock: lock })

@@ -216,7 +216,8 @@
 #[cfg(feature = "server")]
 extern crate self as chladni;
 
-// Rooms that other programs of this project look into: tests, benchmarks, the Python package. Nobody else should.
+// Rooms that other programs of this project look into: tests, benchmarks, the Python package. Nobody else should: see
+// docs/decisions/0005-hidden-rooms.md.
 #[doc(hidden)]
 pub mod analysis;
 #[cfg(feature = "server")]

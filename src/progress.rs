@@ -13,7 +13,7 @@ words! {
     #[derive(PartialOrd, Ord)]
     #[non_exhaustive]
     pub enum Phase {
-        /// Merging duplicates, recentring, ordering the points along a space-filling curve.
+        /// Merging duplicates, recentering, ordering the points along a space-filling curve.
         Preparation,
         /// Nearest neighbors and tangent frames.
         Neighborhoods,

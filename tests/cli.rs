@@ -503,14 +503,14 @@ fn a_wrong_value_is_told_with_its_flag_and_its_variable() {
         String::from_utf8(output.stderr).unwrap()
     };
     let told = refused("serve", &[("CHLADNI_JOBS_AT_ONCE", "abc")]);
-    assert!(told.contains("--jobs-at-once") && told.contains("a whole number from 0 is expected"), "{told}");
+    assert!(told.contains("--jobs-at-once") && told.contains("expected a whole number from 0"), "{told}");
     assert!(told.contains("comes from the environment variable CHLADNI_JOBS_AT_ONCE"), "{told}");
-    let told = refused("serve --max-body 1X", &[]);
+    let told = refused("serve --body-bytes-max 1X", &[]);
     assert!(
-        told.contains("--max-body") && told.contains("not a size; 1073741824, 500MB, 8G and 1GiB are"),
+        told.contains("--body-bytes-max") && told.contains("not a size; 1073741824, 500MB, 8G and 1GiB are"),
         "{told}"
     );
-    assert!(told.contains("CHLADNI_MAX_BODY sets --max-body too"), "{told}");
+    assert!(told.contains("CHLADNI_BODY_BYTES_MAX sets --body-bytes-max too"), "{told}");
     let told = refused("serve --listen nowhere", &[]);
     assert!(told.contains("not an address; 127.0.0.1:8080, localhost:8080 and 8080 are"), "{told}");
     let told = refused("analyze a.ply -o out --bases -3", &[]);
@@ -520,6 +520,34 @@ fn a_wrong_value_is_told_with_its_flag_and_its_variable() {
     );
     let told = refused("analyze a.ply -o out --quite", &[]);
     assert!(told.contains("--quiet") && !told.contains("as a value"), "{told}");
+}
+
+#[test]
+fn former_names_of_flags_and_variables_still_set_what_they_did() {
+    let folder = tempdir().unwrap();
+    let former = [
+        ("max-body", "body-bytes-max"),
+        ("max-decoded", "decoded-bytes-max"),
+        ("ratio-max", "decoded-ratio-max"),
+    ];
+    for (old, new) in former {
+        let variable = |flag: &str| format!("CHLADNI_{}", flag.to_uppercase().replace('-', "_"));
+        // A value that is refused shows what was read, and where it came from.
+        let refused = |arguments: &str, variables: &[(String, &str)]| {
+            let variables = variables.iter().map(|(name, value)| (name, value));
+            let output = command(&folder, arguments).envs(variables).output().unwrap();
+            assert_eq!(output.status.code(), Some(2), "{output:?}");
+            String::from_utf8(output.stderr).unwrap()
+        };
+        let told = refused(&format!("serve --{old} 1X"), &[]);
+        assert!(told.contains("1X") && told.contains(&format!("--{new}")), "{told}");
+        let told = refused("serve", &[(variable(old), "1X")]);
+        assert!(told.contains(&format!("--{new}")) && told.contains(&variable(old)), "{told}");
+        let told = refused("serve", &[(variable(old), "7"), (variable(new), "1X")]);
+        assert!(told.contains(&variable(new)), "the new name comes first: {told}");
+        let help = succeeded(&chladni(&folder, "serve --help"));
+        assert!(help.contains(&format!("--{new}")) && !help.contains(&format!("--{old} ")), "{help}");
+    }
 }
 
 #[test]

@@ -10,7 +10,9 @@ class Parameters(TypedDict, total=False):
 
     dimension: int
     """Intrinsic dimension of what the points sample: 1 for curves, 2 for surfaces (the default), 3 for volumes."""
-    t: float
+    solved_points: int
+    """Most points that the eigenproblem is solved on; of larger surfaces an evenly spread part is solved, and the bases
+    are extended to all points."""    t: float
     """Time of the heat kernel, in squared units of the cloud."""
     t_factor: float
     """The same as a multiple of the squared covering radius."""
@@ -33,9 +35,10 @@ class Parameters(TypedDict, total=False):
     sheet_aware: bool
     """Couple only neighbors on the same sheet of the surface."""
     surface_distances: bool
-    """Measure distances in the kernel of `pb-mhb` along the surface."""
+    """Measure distances in the kernel of `pb-mhb` along the surface; needs `isometric_cells`."""
     moment_calibration: bool
-    local_bandwidth: bool
     """Scale the kernel of `pb-mhb` so that its second moment is right around every point."""
+    local_bandwidth: bool
+    """Let t and δ of `pb-mhb` follow the local spacing, with t their mean; needs `moment_calibration`."""
     heat_correction: bool
     """Report λ = −ln(1−tμ)/t beside the μ of the matrices."""

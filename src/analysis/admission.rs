@@ -146,7 +146,7 @@ pub(super) fn check_cells(
     let needs_cells = !parameters.operator.is_combinatorial() && !parameters.operator.needs_faces();
     if needs_cells && sampling.invalid_cells == cells {
         return Err(AnalysisError::Cloud(format!(
-            "none of the {cells} Voronoi cells could be measured: around no point do the others lie as on a manifold of \
+            "none of the {cells} Voronoi cells could be measured: no neighborhood looks like a manifold of \
              dimension {}",
             parameters.dimension
         )));
@@ -158,7 +158,7 @@ pub(super) fn check_cells(
 pub(super) struct Bases {
     pub(super) computed: usize,
     asked: usize,
-    /// Whether more are not to be had of the distinct points.
+    /// Whether this is the most that the distinct points allow.
     is_most: bool,
     /// Distinct points, by which the number was admitted.
     points: usize,

@@ -1,10 +1,10 @@
-//! Why there is no result.
+//! Errors of an analysis.
 
 use crate::geometry::points::GeometryError;
 use crate::progress::Canceled;
 use crate::spectrum::SpectrumError;
 
-/// Why an analysis did not happen.
+/// An error of an analysis.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AnalysisError {

@@ -1,4 +1,4 @@
-//! What an analysis will take of the machine, told before it begins.
+//! Estimates the memory of an analysis.
 
 use super::parameters::SOLVED_LEAST;
 use super::{JobKind, Parameters};

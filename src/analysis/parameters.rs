@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::AnalysisError;
-use crate::arguments::{Arguments, Value, arguments, words};
+use crate::arguments::{Ranges, arguments, words};
 use crate::geometry::Sampling;
 use crate::geometry::frames::INTRINSIC_MAX;
 use crate::operator::{Distance, HeatKernel, OperatorKind, Parameterization, graph, pb_mhb, pcd};
@@ -140,27 +140,9 @@ impl Parameters {
 
     /// Refuses numbers that the declaration does not accept.
     fn check_ranges(&self) -> Result<(), AnalysisError> {
-        let whole = |number| Some(Value::Integer(number));
-        let number = |number: Option<f64>| number.map(Value::Number);
-        let given = [
-            ("dimension", whole(self.dimension)),
-            ("bases", whole(self.bases)),
-            ("tolerance", number(Some(self.tolerance))),
-            ("solved_points", self.solved_points.and_then(whole)),
-            ("t", number(self.t)),
-            ("t_factor", number(self.t_factor)),
-            ("delta", number(self.delta)),
-            ("delta_factor", number(self.delta_factor)),
-            ("epsilon", number(self.epsilon)),
-        ];
-        for argument in Self::table() {
-            let value = given.iter().find(|(name, _)| *name == argument.name);
-            if value.is_some_and(|(_, value)| value.as_ref().is_some_and(|x| !argument.accepts.holds(x))) {
-                let reason = format!("must be {}", argument.accepts.in_words());
-                return Err(AnalysisError::Parameter { name: argument.name, reason });
-            }
-        }
-        Ok(())
+        let Some(argument) = self.out_of_range() else { return Ok(()) };
+        let reason = format!("must be {}", argument.accepts.in_words());
+        Err(AnalysisError::Parameter { name: argument.name, reason })
     }
 
     /// Refuses what only `pcd` can follow.

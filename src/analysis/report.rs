@@ -2,9 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::measured::Figures;
 use super::{Additions, COMPONENT_MIN, Fidelity, Parameters};
+use crate::cloud::PointCloud;
 use crate::geometry::Sampling;
-use crate::operator::{HeatKernel, OperatorKind};
+use crate::operator::{HeatKernel, LaplaceBeltrami, OperatorKind};
 use crate::spectrum::{Method, Spectrum};
 
 /// What an analysis found out, without its arrays. Serialized as it is shown.
@@ -66,6 +68,41 @@ const PROLONGED_WARNED: f64 = 0.01;
 const ROWS_NAMED: usize = 10;
 
 impl Report {
+    /// All but the spectrum.
+    pub(super) fn of(
+        cloud: &PointCloud,
+        parameters: &Parameters,
+        duplicates: usize,
+        laplacian: &LaplaceBeltrami,
+        components: usize,
+        figures: Figures,
+    ) -> Self {
+        let Figures { lonely, dimension_estimate, sampling, fidelity, warnings } = figures;
+        let (used, nonzeros) = (laplacian.mass.len(), laplacian.stiffness.nonzeros());
+        let mut report = Self {
+            operator: parameters.operator,
+            rows: cloud.len(),
+            ambient_dimension: cloud.dimension(),
+            dimension: parameters.dimension,
+            dimension_estimate,
+            points_used: used,
+            duplicates,
+            nonfinite: cloud.nonfinite(),
+            isolated: lonely.len(),
+            components,
+            sampling,
+            heat_kernel: laplacian.heat_kernel,
+            additions: Additions { local_bandwidth: laplacian.times.is_some(), ..parameters.additions() },
+            nonzeros,
+            neighbors: nonzeros as f64 / used as f64 - 1.0,
+            warnings,
+            fidelity,
+            spectrum: None,
+        };
+        report.warn_of_sampling(lonely);
+        report
+    }
+
     /// Whether its eigenvalues are those of a surface: not of a curve, a volume or a graph.
     #[must_use]
     pub fn is_of_surface(&self) -> bool {

@@ -200,6 +200,18 @@ impl Analysis {
 }
 
 #[cfg(test)]
+impl SparseMatrix {
+    /// A path graph of two edges, weights 2 and 3, and an isolated row.
+    pub(crate) fn path() -> Self {
+        Self {
+            offsets: vec![0, 2, 5, 7, 7],
+            columns: vec![0, 1, 0, 1, 2, 1, 2],
+            values: vec![-2.0, 2.0, 2.0, -5.0, 3.0, 3.0, -3.0],
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -209,19 +221,10 @@ mod tests {
         String::from_utf8(text).unwrap()
     }
 
-    /// A path graph of two edges, weights 2 and 3, and an isolated row.
-    fn path() -> SparseMatrix {
-        SparseMatrix {
-            offsets: vec![0, 2, 5, 7, 7],
-            columns: vec![0, 1, 0, 1, 2, 1, 2],
-            values: vec![-2.0, 2.0, 2.0, -5.0, 3.0, 3.0, -3.0],
-        }
-    }
-
     #[test]
     fn a_symmetric_matrix_is_written_as_its_lower_triangle_counting_from_one() {
         assert_eq!(
-            text(&path()),
+            text(&SparseMatrix::path()),
             "%%MatrixMarket matrix coordinate real symmetric\n4 4 5\n1 1 -2e0\n2 1 2e0\n2 2 -5e0\n3 2 3e0\n3 3 -3e0\n"
         );
     }
@@ -239,7 +242,7 @@ mod tests {
 
     #[test]
     fn the_laplacian_divides_by_the_mass_and_rows_without_are_not_numbers() {
-        let found = path().laplacian_of(&[1.0, 2.0, 4.0, f64::NAN], &[1.0, 2.0, 4.0, 9.0]);
+        let found = SparseMatrix::path().laplacian_of(&[1.0, 2.0, 4.0, f64::NAN], &[1.0, 2.0, 4.0, 9.0]);
         assert_eq!(found[..3], [2.0, 2.0, -1.5]);
         assert!(found[3].is_nan());
     }

@@ -1,4 +1,4 @@
-//! The service's API keys: read at the start and again when told to, with what makes them unsafe said in the log.
+//! The service's API keys: read at the start and at SIGHUP; logs unsafe keys and permissions.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;

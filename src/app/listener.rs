@@ -1,6 +1,6 @@
 //! Accepts connections: how many, how long their heads may take, and how they end.
 //!
-//! `axum::serve` sets no timer, so a client that sends half a head would hold its connection for ever.
+//! `axum::serve` sets no timer, so a client that sends half a head would hold its connection forever.
 
 mod places;
 mod turn;

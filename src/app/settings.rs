@@ -56,9 +56,9 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_MEMORY_BUDGET", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().memory_budget)]
     pub memory_budget: u64,
 
-    /// Bytes of memory for the bodies of requests and what they are parsed into, of which a body takes five times what has
-    /// come of it, and half as many again for large answers and what they are made of; 0 for a quarter of what the
-    /// machine or container has. No key holds more than half of it.
+    /// Bytes of memory for the bodies of requests and what they are parsed into: a body reserves five times the
+    /// bytes received; large answers get an extra half. 0 for a quarter of what the machine or container has. No key holds
+    /// more than half of it.
     #[arg(long, env = "CHLADNI_BODY_MEMORY", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().body_memory)]
     pub body_memory: u64,
 
@@ -67,16 +67,16 @@ pub struct Settings {
     pub disk_floor: u64,
 
     /// Bytes of a request's body as it is sent, at most.
-    #[arg(long, env = "CHLADNI_MAX_BODY", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().max_body)]
-    pub max_body: u64,
+    #[arg(long, alias = "max-body", env = "CHLADNI_BODY_BYTES_MAX", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().body_bytes_max)]
+    pub body_bytes_max: u64,
 
     /// Bytes of a compressed body once it is decompressed, at most.
-    #[arg(long, env = "CHLADNI_MAX_DECODED", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().max_decoded)]
-    pub max_decoded: u64,
+    #[arg(long, alias = "max-decoded", env = "CHLADNI_DECODED_BYTES_MAX", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().decoded_bytes_max)]
+    pub decoded_bytes_max: u64,
 
-    /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
-    #[arg(long, env = "CHLADNI_RATIO_MAX", value_name = "N", default_value_t = Self::default().ratio_max)]
-    pub ratio_max: u64,
+    /// Largest ratio of decompressed to compressed size beyond the first megabyte.
+    #[arg(long, alias = "ratio-max", env = "CHLADNI_DECODED_RATIO_MAX", value_name = "N", default_value_t = Self::default().decoded_ratio_max)]
+    pub decoded_ratio_max: u64,
 
     /// Coordinates per point, at most; 8 at most.
     #[arg(long, env = "CHLADNI_DIMENSION_MAX", value_name = "N", default_value_t = Self::default().dimension_max)]
@@ -119,8 +119,7 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_JOB_SECONDS", value_name = "SECONDS", default_value_t = Self::default().job_seconds)]
     pub job_seconds: u64,
 
-    /// Open connections, at most; when there are more, those whose clients send and take nothing are closed, and only
-    /// probes are answered beyond.
+    /// Open connections, at most; beyond that, idle connections are closed, and only probes are answered.
     #[arg(long, env = "CHLADNI_CONNECTIONS_MAX", value_name = "N", default_value_t = Self::default().connections_max)]
     pub connections_max: usize,
 
@@ -133,11 +132,11 @@ pub struct Settings {
     pub body_seconds: u64,
 
     /// Bytes per second that the body of a request brings at least, on average over the seconds of `--stall-seconds`; 0 for
-    /// none. Clients that are slower are given up.
+    /// none. Slower connections are dropped.
     #[arg(long, env = "CHLADNI_BODY_RATE_MIN", value_name = "BYTES", default_value_t = Self::default().body_rate_min)]
     pub body_rate_min: u64,
 
-    /// Seconds without a byte of a body, or of an answer taken, after which the client is given up.
+    /// Seconds without progress in sending a body or reading an answer before the connection is dropped.
     #[arg(long, env = "CHLADNI_STALL_SECONDS", value_name = "SECONDS", default_value_t = Self::default().stall_seconds)]
     pub stall_seconds: u64,
 
@@ -145,11 +144,11 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_GRACE_SECONDS", value_name = "SECONDS", default_value_t = Self::default().grace_seconds)]
     pub grace_seconds: u64,
 
-    /// Days that jobs and their results are kept after their end; for ever when not given.
+    /// Days that jobs and their results are kept after their end; forever when not given.
     #[arg(long, env = "CHLADNI_KEEP_JOBS_DAYS", value_name = "DAYS")]
     pub keep_jobs_days: Option<u64>,
 
-    /// Days that clouds without jobs are kept after their upload; for ever when not given.
+    /// Days that clouds without jobs are kept after their upload; forever when not given.
     #[arg(long, env = "CHLADNI_KEEP_CLOUDS_DAYS", value_name = "DAYS")]
     pub keep_clouds_days: Option<u64>,
 
@@ -162,6 +161,7 @@ pub struct Settings {
     /// the machine.
     #[arg(long, env = "CHLADNI_KEYS", value_name = "KEYS", hide_env_values = true)]
     pub keys: Option<Secret>,
+
     /// Origin of pages that may use the service from a browser, such as `https://viewer.example`; `*` is any. Several
     /// are separated by commas.
     #[arg(long, env = "CHLADNI_CORS_ORIGINS", value_name = "ORIGIN", value_delimiter = ',', value_parser = origin)]
@@ -189,9 +189,9 @@ impl Default for Settings {
             memory_budget: 0,
             body_memory: 0,
             disk_floor: 1 << 30,
-            max_body: 1 << 30,
-            max_decoded: 2 << 30,
-            ratio_max: 100,
+            body_bytes_max: 1 << 30,
+            decoded_bytes_max: 2 << 30,
+            decoded_ratio_max: 100,
             dimension_max: reader.dimension_max,
             points_max: reader.points_max,
             faces_max: reader.faces_max,
@@ -294,9 +294,9 @@ impl Settings {
 
     pub(super) fn limits(&self) -> Limits {
         Limits {
-            body_bytes: self.max_body,
-            decoded_bytes: self.max_decoded,
-            decoded_ratio_max: self.ratio_max,
+            body_bytes: self.body_bytes_max,
+            decoded_bytes: self.decoded_bytes_max,
+            decoded_ratio_max: self.decoded_ratio_max,
             body_time: Duration::from_secs(self.body_seconds),
             body_rate_min: self.body_rate_min,
             stall: self.stall(),
@@ -329,15 +329,45 @@ impl Settings {
 mod tests {
     use super::*;
 
-    #[derive(clap::Parser)]
-    struct Command {
-        #[command(flatten)]
-        settings: Settings,
+    /// The figure that a word of the page stands for; `None` of words such as "half of the memory".
+    fn figure(shown: &str) -> Option<u64> {
+        let (number, unit) = shown.split_once(' ').unwrap_or((shown, ""));
+        let number: u64 = number.replace(',', "").parse().ok()?;
+        Some(match unit {
+            "" => number,
+            "KiB" => number << 10,
+            "GiB" => number << 30,
+            "hours" => number * 3600,
+            _ => panic!("what unit is {shown}?"),
+        })
     }
 
     #[test]
-    fn flags_that_are_not_given_have_the_default_values() {
-        let given = <Command as clap::Parser>::try_parse_from(["chladni"]).unwrap().settings;
-        assert_eq!(format!("{given:?}"), format!("{:?}", Settings::default()));
+    fn defaults_are_those_that_the_page_on_operation_shows() {
+        let command = <Settings as clap::Args>::augment_args(clap::Command::new("serve"));
+        let default = |flag: &str| {
+            let argument =
+                command.get_arguments().find(|argument| argument.get_long() == Some(flag)).unwrap();
+            argument.get_default_values().first().map(|value| value.to_str().unwrap().to_owned())
+        };
+        let page = include_str!("../../docs/operation.md");
+        let mut compared = 0;
+        for row in page.lines().filter(|line| line.starts_with("| `--")) {
+            let mut cells = row.split(" | ");
+            let flags = cells.next().unwrap().split(" (or").next().unwrap();
+            let flags: Vec<_> = flags.split('`').filter_map(|word| word.strip_prefix("--")).collect();
+            let shown: Vec<_> = cells.next().unwrap().split(", ").collect();
+            for (place, flag) in flags.iter().enumerate() {
+                // One word may speak for all flags of a row.
+                match figure(shown.get(place).unwrap_or(&shown[0])) {
+                    Some(figure) => {
+                        assert_eq!(default(flag), Some(figure.to_string()), "--{flag}");
+                        compared += 1;
+                    }
+                    None => assert!(default(flag).is_none_or(|value| value == "0"), "--{flag}"),
+                }
+            }
+        }
+        assert!(compared >= 15, "{compared}");
     }
 }

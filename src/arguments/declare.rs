@@ -69,7 +69,26 @@ macro_rules! arguments {
                 false
             }
         }
+
+        #[allow(clippy::useless_conversion)] // an Option or the number itself
+        impl $crate::arguments::Ranges for $struct {
+            fn out_of_range(&self) -> Option<$crate::arguments::Argument> {
+                let numbers: Vec<Option<$crate::arguments::Value>> =
+                    vec![ $( $crate::arguments::arguments!(@number self.$field, $kind) ),* ];
+                let table = <Self as $crate::arguments::Arguments>::table();
+                let refused = |argument: &$crate::arguments::Argument, number: Option<$crate::arguments::Value>| {
+                    number.is_some_and(|number| !argument.accepts.holds(&number))
+                };
+                table.into_iter().zip(numbers).find_map(|(argument, number)| refused(&argument, number).then_some(argument))
+            }
+        }
     };
+
+    (@number $value:expr, integer) => { Option::<usize>::from($value).map($crate::arguments::Value::Integer) };
+    (@number $value:expr, positive) => { Option::<f64>::from($value).map($crate::arguments::Value::Number) };
+    (@number $value:expr, nonnegative) => { Option::<f64>::from($value).map($crate::arguments::Value::Number) };
+    (@number $value:expr, range) => { Option::<f64>::from($value).map($crate::arguments::Value::Number) };
+    (@number $value:expr, $other:ident) => { None };
 
     (@default $default:expr) => { $default };
     (@default) => { Default::default() };
@@ -144,7 +163,7 @@ pub(crate) use groups;
 
 #[cfg(test)]
 mod tests {
-    use crate::arguments::{Absent, Accepts, Arguments, Value, words};
+    use crate::arguments::{Absent, Accepts, Arguments, Ranges, Value, words};
 
     words! {
         enum Way {
@@ -218,6 +237,15 @@ mod tests {
             }
             assert_eq!(set, All::default(), "{}", argument.name);
         }
+    }
+
+    #[test]
+    fn numbers_that_no_caller_may_give_are_found_in_structs_too() {
+        assert!(All::default().out_of_range().is_none());
+        let all = |time, taper| All { time, taper, ..All::default() };
+        assert_eq!(all(Some(0.0), 0.0).out_of_range().unwrap().name, "time");
+        assert_eq!(all(Some(1.0), f64::NAN).out_of_range().unwrap().name, "taper");
+        assert!(More { from: usize::MAX }.out_of_range().is_none());
     }
 
     #[test]

@@ -84,6 +84,12 @@ pub trait Arguments: Default {
     fn set(&mut self, name: &str, value: &Value) -> bool;
 }
 
+/// What a struct of arguments may hold and no caller could give: numbers. Other types hold only what is accepted.
+pub trait Ranges: Arguments {
+    /// The first argument whose number is not accepted.
+    fn out_of_range(&self) -> Option<Argument>;
+}
+
 /// No arguments.
 impl Arguments for () {
     fn table() -> Vec<Argument> {

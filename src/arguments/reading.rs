@@ -19,7 +19,7 @@ pub enum ArgumentError {
         known: Vec<&'static str>,
     },
     /// The value is not accepted.
-    #[error("parameter `{name}` is {accepted}, not `{value}`")]
+    #[error("parameter `{name}` must be {accepted}, not `{value}`")]
     Value {
         /// The argument.
         name: &'static str,
@@ -37,7 +37,7 @@ fn suggestion(nearest: Option<&'static str>, known: &[&'static str]) -> String {
     match nearest {
         Some(nearest) => format!("did you mean `{nearest}`?"),
         None if known.is_empty() => "none is accepted".to_owned(),
-        None => format!("known are {}", known.join(", ")),
+        None => format!("known parameters: {}", known.join(", ")),
     }
 }
 
@@ -161,7 +161,7 @@ mod tests {
     #[test]
     fn an_unknown_argument_is_refused_with_the_nearest_known() {
         assert!(refusal(("basis", "3")).contains("did you mean `bases`"));
-        assert!(refusal(("zzz", "3")).contains("known are bases, tolerance, paper"));
+        assert!(refusal(("zzz", "3")).contains("known parameters: bases, tolerance, paper"));
         let none = Reader::<()>::new(Vec::new()).read("x", "1").unwrap_err().to_string();
         assert!(none.contains("none is accepted"));
     }

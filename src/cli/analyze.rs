@@ -7,11 +7,11 @@ mod summary;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use chladni::analysis::{AnalysisError, Examined, JobKind, Parameters};
+use chladni::analysis::{AnalysisError, Examined, JobKind, Parameters, Task};
 use chladni::app::{Settings, bytes};
-use chladni::cloud::reader::read_columns;
+use chladni::cloud::reader::{Format, read_columns};
 
-use super::flags::{Flags, word};
+use super::flags::Flags;
 use super::input::{self, CloudArgs};
 use super::interrupt::Interrupt;
 use super::reporting::Reporting;
@@ -20,7 +20,7 @@ use super::{Failure, output};
 /// Analyze a point cloud and write the results into a directory.
 #[derive(Debug, clap::Args)]
 pub(crate) struct AnalyzeArgs {
-    /// Point cloud: PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57; `-` reads standard input
+    #[arg(help = help_of_cloud())]
     cloud: PathBuf,
 
     /// Directory for the results
@@ -31,11 +31,10 @@ pub(crate) struct AnalyzeArgs {
     #[arg(long)]
     force: bool,
 
-    /// Operator and mass only, or eigenpairs too; eigenpairs unless functions are to be applied
-    #[arg(long, value_parser = word::<JobKind>(&JobKind::ALL.map(JobKind::name)))]
-    kind: Option<JobKind>,
+    #[command(flatten)]
+    task: Flags<Task>,
 
-    /// Apply the operator to functions, an npy file of n or n × m numbers, and write laplacian.npy
+    /// Apply the operator to functions, an npy file of n or n × m numbers, and write laplacian.npy; implies `--kind operator`
     #[arg(long, value_name = "FILE")]
     apply: Option<PathBuf>,
 
@@ -46,8 +45,8 @@ pub(crate) struct AnalyzeArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
 
-    /// Bytes of memory that the analysis may be estimated to take, 0 for half of what there is; of larger clouds a part is
-    /// solved, and its bases are brought to all points
+    /// Bytes of memory that the analysis may be estimated to take, 0 for half of what there is; larger clouds are
+    /// solved on a sample and extended to all points
     #[arg(long, value_name = "BYTES", value_parser = bytes, default_value_t = 0)]
     memory: u64,
 
@@ -58,7 +57,12 @@ pub(crate) struct AnalyzeArgs {
     parameters: Flags<Parameters>,
 }
 
-/// Reads, analyses, writes, and prints a summary.
+fn help_of_cloud() -> String {
+    let extensions: Vec<_> = Format::extensions().collect();
+    format!("Point cloud ({}); `-` reads standard input", extensions.join(", "))
+}
+
+/// Reads, analyzes, writes, and prints a summary.
 pub(crate) fn run(args: &AnalyzeArgs) -> Result<(), Failure> {
     let parameters = args.parameters.0.clone();
     parameters.check().map_err(Failure::input)?;
@@ -98,13 +102,13 @@ fn analyze_into(
 
 /// What is computed: bases and the operator do not come together, because the operator is used up by its bases.
 fn kind(args: &AnalyzeArgs) -> Result<JobKind, Failure> {
-    match (args.kind, &args.apply) {
-        (Some(JobKind::Eigen), Some(_)) => Err(Failure::Input(
+    let kind = args.task.0.kind;
+    match &args.apply {
+        None => Ok(kind),
+        Some(_) if args.task.is_given("kind") && kind == JobKind::Eigen => Err(Failure::Input(
             "--apply needs the operator itself: leave --kind out or say --kind operator".into(),
         )),
-        (None, Some(_)) => Ok(JobKind::Operator),
-        (kind, None) => Ok(kind.unwrap_or_default()),
-        (Some(kind), _) => Ok(kind),
+        Some(_) => Ok(JobKind::Operator),
     }
 }
 

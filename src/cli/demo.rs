@@ -104,7 +104,7 @@ pub(crate) async fn run(args: DemoArgs) -> Result<(), DemoError> {
     outcome
 }
 
-/// Shows everything, then waits for ever unless the demo is to exit.
+/// Shows everything, then waits forever unless the demo is to exit.
 async fn show_and_stay(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
     show(app, args).await?;
     if !args.exit {

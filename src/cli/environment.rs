@@ -1,6 +1,7 @@
 //! The environment: variables that mean nothing to us, the filter of the log, colors.
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 
 use clap::{Command, CommandFactory};
 use tracing_subscriber::EnvFilter;
@@ -9,6 +10,12 @@ use super::Cli;
 
 /// What all of our variables begin with.
 const PREFIX: &str = "CHLADNI_";
+/// Variables that had another name once: the command and the setting of each, and its former name, which still sets it.
+const FORMER: [(&str, &str, &str); 3] = [
+    ("serve", "body_bytes_max", "CHLADNI_MAX_BODY"),
+    ("serve", "decoded_bytes_max", "CHLADNI_MAX_DECODED"),
+    ("serve", "decoded_ratio_max", "CHLADNI_RATIO_MAX"),
+];
 /// Filters of the log.
 pub(super) const LOG: &str = "CHLADNI_LOG";
 /// Levels that a log filter may name.
@@ -38,12 +45,27 @@ fn complaint(name: &str, known: &BTreeSet<String>) -> Option<String> {
     Some(format!("the environment variable {name} sets nothing{}", hint.unwrap_or_default()))
 }
 
+/// The command, reading settings from variables of their former names where only these are set.
+pub(super) fn with_former_names(command: Command) -> Command {
+    FORMER.into_iter().fold(command, |command, (of, setting, former)| {
+        command.mut_subcommand(of, |command| {
+            command.mut_arg(setting, |argument| {
+                let is_set = |name: &OsStr| std::env::var_os(name).is_some();
+                let is_former = is_set(former.as_ref()) && !argument.get_env().is_some_and(is_set);
+                if is_former { argument.env(former) } else { argument }
+            })
+        })
+    })
+}
+
 /// The variables of all commands.
 fn known(command: &Command) -> BTreeSet<String> {
     let own = command.get_arguments().filter_map(|argument| argument.get_env());
     let own = own.map(|name| name.to_string_lossy().into_owned());
     let below = command.get_subcommands().flat_map(known);
-    own.chain(below).chain([LOG.to_owned()]).collect()
+    own.chain(below)
+        .chain(FORMER.map(|(_, _, former)| former).into_iter().chain([LOG]).map(str::to_owned))
+        .collect()
 }
 
 /// The filter that `CHLADNI_LOG` holds, `info` when it holds none, and a complaint when what it holds is not one.
@@ -81,7 +103,9 @@ mod tests {
     #[test]
     fn a_variable_that_sets_nothing_is_complained_about() {
         let known = known(&Cli::command());
-        for name in ["CHLADNI_LISTEN", "CHLADNI_LOG", "CHLADNI_LOG_FORMAT", "CHLADNI_KEYS"] {
+        for name in
+            ["CHLADNI_LISTEN", "CHLADNI_LOG", "CHLADNI_LOG_FORMAT", "CHLADNI_KEYS", "CHLADNI_MAX_BODY"]
+        {
             assert_eq!(complaint(name, &known), None);
         }
         let told = complaint("CHLADNI_LISTN", &known).unwrap();

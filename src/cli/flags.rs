@@ -117,7 +117,7 @@ fn parser(argument: Argument) -> ValueParser {
         accepts => clap::builder::StringValueParser::new()
             .try_map(move |text| match accepts.read(&text) {
                 Some(_) => Ok(text),
-                None => Err(format!("{} is expected", accepts.in_words())),
+                None => Err(format!("expected {}", accepts.in_words())),
             })
             .into(),
     }
@@ -129,7 +129,10 @@ fn read(argument: &Argument, text: &str) -> Result<Value, Error> {
 
 fn refuse(argument: &Argument, text: &str) -> Error {
     let accepted = argument.accepts.in_words();
-    Error::raw(ErrorKind::InvalidValue, format!("--{} is {accepted}, not {text}\n", kebab(argument.name)))
+    Error::raw(
+        ErrorKind::InvalidValue,
+        format!("--{} must be {accepted}, not {text}\n", kebab(argument.name)),
+    )
 }
 
 #[cfg(test)]

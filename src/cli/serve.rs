@@ -33,8 +33,8 @@ pub(crate) enum ServeError {
     /// It did not start.
     #[error(transparent)]
     Start(#[from] StartError),
-    /// It could not be told to stop.
-    #[error("cannot listen to signals: {0}")]
+    /// It could not be asked to stop.
+    #[error("cannot install signal handlers: {0}")]
     Signals(#[from] std::io::Error),
 }
 

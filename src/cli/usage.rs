@@ -1,4 +1,4 @@
-//! The command line, read; and what is wrong with it, said so that it can be mended.
+//! Parses the command line and reports errors with a fix.
 
 use std::ffi::OsString;
 use std::io::{IsTerminal, Write};
@@ -10,9 +10,9 @@ use super::{Cli, environment};
 
 /// Messages of number parsers, and what they mean.
 const PLAIN: [(&str, &str); 4] = [
-    ("invalid digit found in string", "a whole number from 0 is expected"),
-    ("cannot parse integer from empty string", "a number is expected"),
-    ("invalid float literal", "a number is expected"),
+    ("invalid digit found in string", "expected a whole number from 0"),
+    ("cannot parse integer from empty string", "expected a number"),
+    ("invalid float literal", "expected a number"),
     ("number too large to fit in target type", "the number is too large"),
 ];
 
@@ -28,6 +28,7 @@ pub(super) fn read(arguments: Vec<OsString>) -> Result<Cli, u8> {
         let _ = command.color(clap::ColorChoice::Auto).print_help();
         return Err(0);
     }
+    let command = environment::with_former_names(command);
     let read = command.clone().try_get_matches_from(&arguments);
     read.and_then(|matches| Cli::from_arg_matches(&matches))
         .map_err(|error| tell(&error, &command, &arguments))
@@ -115,7 +116,7 @@ mod tests {
         let text = "error: invalid value 'x' for '--points <N>': invalid digit found in string\n\n  \
                     tip: to pass '--x' as a value, use '-- --x'\n";
         let improved = improved(text);
-        assert!(improved.contains("a whole number from 0 is expected"), "{improved}");
+        assert!(improved.contains("expected a whole number from 0"), "{improved}");
         assert!(!improved.contains("tip:"), "{improved}");
     }
 }

@@ -92,7 +92,7 @@ impl TriangleMetric {
         (sorted[0] * sorted[1] * sorted[2]).sqrt() / (4.0 * self.area)
     }
 
-    /// Signed area between a corner, the midpoints of its sides and the circumcentre: of the corner's Voronoi cell
+    /// Signed area between a corner, the midpoints of its sides and the circumcenter: of the corner's Voronoi cell
     /// what one triangle carries. Negative parts occur in obtuse triangles.
     #[must_use]
     pub fn voronoi_area(&self, corner: usize) -> f64 {
@@ -128,7 +128,7 @@ mod tests {
         assert_near(triangle.cotangent(0), 4.0 / 3.0);
         assert_near(triangle.cotangent(2), 0.0);
         assert_near(triangle.angle(2), std::f64::consts::FRAC_PI_2);
-        // the circumcentre is the middle of the hypotenuse: half to the right angle, a quarter to each other
+        // the circumcenter is the middle of the hypotenuse: half to the right angle, a quarter to each other
         for (corner, share) in [(0, 0.25), (1, 0.25), (2, 0.5)] {
             assert_near(triangle.voronoi_area(corner), 6.0 * share);
             assert_near(triangle.mixed_area(corner), 6.0 * share);

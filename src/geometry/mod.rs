@@ -1,6 +1,6 @@
 //! Geometry of the sampled surface: neighborhoods, tangent frames, Voronoi cells, sampling density.
 //!
-//! Everything here works on [`Points`]: finite, distinct, recentred, and ordered along a space-filling curve.
+//! Everything here works on [`Points`]: finite, distinct, recentered, and ordered along a space-filling curve.
 
 pub mod cells;
 mod clipper;

@@ -76,7 +76,7 @@ pub const POINTS_MIN: usize = 5;
 /// Extents whose squares double precision holds with room to spare.
 pub(super) const EXTENTS: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
-/// Finite, distinct points of `R^d`, recentred to the middle of their bounding box, in Morton order, so that
+/// Finite, distinct points of `R^d`, recentered to the middle of their bounding box, in Morton order, so that
 /// neighbors in space are neighbors in memory.
 #[derive(Debug, Clone)]
 pub struct Points {
@@ -92,7 +92,7 @@ pub struct Points {
 }
 
 impl Points {
-    /// Selects, merges, recentres and orders the rows of a cloud, whether an analysis can begin with them or not. Exact
+    /// Selects, merges, recenters and orders the rows of a cloud, whether an analysis can begin with them or not. Exact
     /// repetitions of a position are merged.
     #[must_use]
     pub fn distinct(cloud: &PointCloud) -> Self {
@@ -138,6 +138,14 @@ impl Points {
         }
         let duplicates = order.len() - row_of_point.len();
         Self { dimension: d, coordinates, unit: 1.0, point_of_row, row_of_point, duplicates }
+    }
+
+    /// For every row of a cloud the first row at its position: those that [`Self::distinct`] merges are one position, and no
+    /// others. A row that is not finite stands for itself.
+    #[must_use]
+    pub fn first_rows(cloud: &PointCloud) -> Vec<u32> {
+        let points = Self::distinct(cloud);
+        (0..cloud.len()).map(|row| points.of_row(row).map_or(row, |point| points.row(point)) as u32).collect()
     }
 
     /// The same points in another unit of length, the power of two for which their extent is at least 1 and less than 2:
@@ -269,7 +277,7 @@ impl Points {
         self.dimension
     }
 
-    /// Coordinates of point `i`, recentred.
+    /// Coordinates of point `i`, recentered.
     #[must_use]
     pub fn point(&self, i: usize) -> &[f64] {
         &self.coordinates[i * self.dimension..(i + 1) * self.dimension]
@@ -385,6 +393,14 @@ mod tests {
         assert_eq!(points.of_row(3), points.of_row(0));
         assert_eq!(points.row(points.of_row(3).unwrap()), 0);
         assert_eq!(points.of_row(4), None);
+    }
+
+    #[test]
+    fn positions_that_the_recentered_cloud_cannot_tell_apart_are_one() {
+        // 1e-20 − 1 and 0 − 1 are the same double.
+        let rows = PointCloud::new(1, vec![0.0, 2.0, 1e-20, f64::NAN, 2.0], NonFinite::Drop).unwrap();
+        assert_eq!(Points::distinct(&rows).duplicates(), 2);
+        assert_eq!(Points::first_rows(&rows), [0, 1, 0, 3, 1]);
     }
 
     #[test]

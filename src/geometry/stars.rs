@@ -263,7 +263,7 @@ impl Stars {
         (0..self.len()).map(of_star).sum::<f64>() / 3.0
     }
 
-    /// Voronoi cells made of the triangles: areas between circumcentres (mixed areas around an open star), and half
+    /// Voronoi cells made of the triangles: areas between circumcenters (mixed areas around an open star), and half
     /// the sum of the cotangents that face a spoke as its conductance.
     #[must_use]
     pub fn cells(&self, points: &Points) -> Cells {

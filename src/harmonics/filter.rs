@@ -227,7 +227,7 @@ impl Filter {
         let (first, frequency) = match self.by {
             Scale::Mode => {
                 if value > k as f64 || value.fract() != 0.0 {
-                    return refuse(name, format!("is the whole number of a mode, up to {k}, not {value}"));
+                    return refuse(name, format!("must be a whole mode number from 0 to {k}, not {value}"));
                 }
                 let first = value as usize;
                 let at = |i: usize| modes.frequency(i.min(k - 1));
@@ -235,7 +235,7 @@ impl Filter {
                 (first, frequency)
             }
             Scale::Frequency => (modes.below(value), value),
-            Scale::Wavelength if value == 0.0 => return refuse(name, "is a wavelength above 0"),
+            Scale::Wavelength if value == 0.0 => return refuse(name, "must be a wavelength above 0"),
             Scale::Wavelength => {
                 let frequency = std::f64::consts::TAU / value;
                 (modes.below(frequency), frequency)
@@ -246,7 +246,7 @@ impl Filter {
                 name,
                 format!(
                     "lies beyond the {k} bases, which reach frequency {last:.6} (wavelength {:.6}): ask for more \
-                     bases, or say with `outside` what becomes of the rest",
+                     bases, or set `outside` to choose what happens to the rest",
                     std::f64::consts::TAU / last
                 ),
             );

@@ -94,9 +94,9 @@ impl Target {
                 .map(|field| Function::new(field.name.clone(), field.values.clone()))
                 .collect(),
         };
-        if let Some(row_of) = functions::representatives(cloud, mass) {
+        if let Some(row_of) = functions::first_occurrences(cloud, mass) {
             for function in &mut functions {
-                functions::represent(&mut function.values, &row_of);
+                functions::copy_from_first(&mut function.values, &row_of);
             }
         }
         for function in &mut functions {

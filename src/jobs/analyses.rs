@@ -49,7 +49,7 @@ pub type Analyze = dyn Fn(&PointCloud, JobKind, &Parameters, &Progress) -> Resul
 
 /// [`analysis::analyze`].
 #[must_use]
-pub fn analyses() -> Arc<Analyze> {
+pub fn default_analysis() -> Arc<Analyze> {
     Arc::new(|cloud, kind, parameters, progress| {
         Ok(Box::new(analysis::analyze(cloud, kind, parameters, progress)?))
     })

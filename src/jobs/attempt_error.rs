@@ -16,7 +16,9 @@ pub(super) enum AttemptError {
     Compute(#[from] ComputeError),
     #[error(transparent)]
     Store(#[from] StoreError),
-    #[error("no thread to beat for the job: {0}")]
+    #[error("inconsistent result: {0}")]
+    Inconsistent(&'static str),
+    #[error("the heartbeat thread could not be started: {0}")]
     Heartbeat(#[from] std::io::Error),
     #[error("ordered to end: {0:?}")]
     Ordered(Order),
@@ -24,7 +26,7 @@ pub(super) enum AttemptError {
     OutOfTime(Duration),
     #[error("it turned out to need {need} bytes of memory")]
     Memory { need: u64 },
-    #[error("the service stops")]
+    #[error("the service is stopping")]
     Halted,
 }
 
@@ -51,7 +53,7 @@ pub(super) fn failure(error: &AttemptError) -> (JobFailure, Retry) {
             }
         },
         AttemptError::Compute(_) => {
-            (told("crashed", "the computation crashed in every attempt at it".to_owned()), Retry::AtOnce)
+            (told("crashed", "the computation crashed in every attempt".to_owned()), Retry::AtOnce)
         }
         AttemptError::OutOfTime(limit) => {
             let seconds = limit.as_secs();
@@ -60,6 +62,9 @@ pub(super) fn failure(error: &AttemptError) -> (JobFailure, Retry) {
                  fewer bases or thin the cloud out"
             );
             (told("time", detail), Retry::Never)
+        }
+        AttemptError::Inconsistent(_) => {
+            (told("internal", "the analysis gave an inconsistent result".to_owned()), Retry::Never)
         }
         AttemptError::Store(StoreError::Damaged(_)) => {
             (told("internal", "the stored cloud or the result is damaged".to_owned()), Retry::Never)

@@ -32,7 +32,7 @@ pub(super) struct Reservation {
 }
 
 impl Reservation {
-    /// Makes it a part of so many bytes in all; false when they are not free.
+    /// Grows the reservation to `bytes`; false if not enough is free.
     pub(super) fn grow_to(&self, bytes: u64) -> bool {
         let more = bytes.saturating_sub(self.bytes.load(Ordering::SeqCst));
         let take = |free: u64| free.checked_sub(more);

@@ -24,7 +24,7 @@ use tokio::sync::Notify;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-pub use analyses::{Analyze, Results, analyses};
+pub use analyses::{Analyze, Results, default_analysis};
 pub use compute::{Compute, ComputeError, Urgency, Wanted, WantedWriter};
 pub use retention::Retention;
 pub use stored_bases::{BasesError, StoredBases};
@@ -104,7 +104,7 @@ impl Jobs {
         let process = store.node();
         let orphans = store.requeue_orphans(process).await?;
         if orphans > 0 {
-            tracing::warn!(orphans, "took up the jobs of a process that died");
+            tracing::warn!(orphans, "requeued jobs of a dead process");
         }
         end_too_large(&store).await?;
         let wake = Arc::new(Notify::new());
@@ -184,7 +184,7 @@ async fn keep_ending_too_large(store: Store, stop: CancellationToken) {
             () = stop.cancelled() => return,
         }
         if let Err(error) = end_too_large(&store).await {
-            tracing::warn!(%error, "jobs that no node can run are not ended; it is tried again");
+            tracing::warn!(%error, "could not end jobs that no node can run; will retry");
         }
     }
 }

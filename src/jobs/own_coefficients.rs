@@ -9,7 +9,7 @@ use crate::harmonics::filtered::Target;
 use crate::harmonics::{Block, Function, Transformed, transform};
 use crate::store::StoredCoefficients;
 
-/// Bases that are in memory beside the result: at most so many, and so many bytes of more than one.
+/// Largest batch of bases held in memory, as a count and in bytes.
 const BATCH: usize = 16;
 const BATCH_BYTES: usize = 128 << 20;
 

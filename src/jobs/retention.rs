@@ -6,10 +6,10 @@ use tokio_util::sync::CancellationToken;
 
 use crate::store::{Milliseconds, Store, StoreError};
 
-/// Between two looks at what is too old.
+/// Time between two looks for expired jobs and clouds.
 const EVERY: Duration = Duration::from_hours(1);
 
-/// How long jobs and clouds are kept; for ever when not said.
+/// How long jobs and clouds are kept; forever when not set.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Retention {
     /// Jobs and their results, from their end.
@@ -27,8 +27,8 @@ impl Retention {
         while !stop.is_cancelled() {
             match self.sweep(&store, &stop).await {
                 Ok((0, 0)) => {}
-                Ok((jobs, clouds)) => tracing::info!(jobs, clouds, "deleted what was too old"),
-                Err(error) => tracing::error!(%error, "what is too old could not be deleted"),
+                Ok((jobs, clouds)) => tracing::info!(jobs, clouds, "deleted expired jobs and clouds"),
+                Err(error) => tracing::error!(%error, "expired jobs and clouds could not be deleted"),
             }
             tokio::select! {
                 () = tokio::time::sleep(EVERY) => {}

@@ -29,7 +29,7 @@ pub(super) async fn keep_small(store: Store, every: Duration, stop: Cancellation
             return;
         }
         Err(error) => {
-            return tracing::error!(%error, "the database cannot be asked whether its file can shrink");
+            return tracing::error!(%error, "cannot determine whether the database file can shrink");
         }
     }
     loop {
@@ -38,7 +38,7 @@ pub(super) async fn keep_small(store: Store, every: Duration, stop: Cancellation
             () = stop.cancelled() => return,
         }
         if let Err(error) = shrink(&store, &stop).await {
-            tracing::warn!(%error, "the database file could not be made shorter; it is tried again");
+            tracing::warn!(%error, "the database file could not be made shorter; will retry");
         }
     }
 }

@@ -9,7 +9,7 @@ use super::own_coefficients::own_coefficients;
 
 use crate::analysis::JobKind;
 use crate::cloud::PointCloud;
-use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store, StoreError};
+use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store};
 
 /// Bases of one transaction, in bytes. Commits wait for the disk, and every other writer waits for the transaction.
 /// Sixteen mebibytes: about 50 ms of writing for one wait.
@@ -30,8 +30,7 @@ pub(super) async fn store_arrays(
     if claim.job.kind == JobKind::Operator {
         let computed = Arc::clone(results);
         let matrix = compute.run(move || computed.matrix()).await?;
-        let matrix =
-            matrix.ok_or_else(|| StoreError::Damaged("an operator job without a matrix".to_owned()))?;
+        let matrix = matrix.ok_or(AttemptError::Inconsistent("an operator job without a matrix"))?;
         store.put_array(claim, ArrayName::Offsets, Numbers::U64(matrix.offsets)).await?;
         store.put_array(claim, ArrayName::Columns, Numbers::U32(matrix.columns)).await?;
         store.put_array(claim, ArrayName::Values, Numbers::F64(matrix.values)).await?;

@@ -90,7 +90,7 @@ impl Worker {
         let mut heartbeat =
             match Heartbeat::start(self.store.clone(), claim.clone(), task.clone(), &self.settings) {
                 Ok(heartbeat) => heartbeat,
-                Err(error) => return self.settle(claim, error.into()).await,
+                Err(error) => return self.record_failure(claim, error.into()).await,
             };
         let error = tokio::select! {
             // An order first: the attempt may have ended because of it, and then says only that it was canceled.
@@ -100,13 +100,13 @@ impl Worker {
             () = tokio::time::sleep(self.settings.time_max) => AttemptError::OutOfTime(self.settings.time_max),
             ended = &mut attempt => match ended {
                 Ok(state) => return self.record(&claim.job, state, &task),
-                Err(error) => return self.settle(claim, error).await,
+                Err(error) => return self.record_failure(claim, error).await,
             },
         };
         // The job ends now, for everybody who waits for it; the computation ends at its next checkpoint, and may not get
         // there soon. Until then this worker claims nothing: the memory of two jobs was not asked for.
         task.progress.cancel();
-        self.settle(claim, error).await;
+        self.record_failure(claim, error).await;
         tokio::select! {
             _ = attempt => {}
             () = self.halt.cancelled() => {}
@@ -173,7 +173,7 @@ impl Worker {
     async fn wait_for_database(&self, error: AttemptError, until: Instant) -> Result<(), AttemptError> {
         match error {
             AttemptError::Store(StoreError::Unreachable(cause)) if Instant::now() < until => {
-                tracing::warn!(%cause, "the database cannot be reached; it is tried again");
+                tracing::warn!(%cause, "the database cannot be reached; will retry");
             }
             error => return Err(error),
         }
@@ -196,7 +196,7 @@ impl Worker {
     }
 
     /// Gives a job that has no result its end, or its place in the queue back.
-    async fn settle(&self, claim: &Claim, cause: AttemptError) {
+    async fn record_failure(&self, claim: &Claim, cause: AttemptError) {
         let job = claim.job.id;
         if let AttemptError::Ordered(Order::Lost) | AttemptError::Store(StoreError::LostClaim) = &cause {
             // Not ours any more: whoever took it decides.
@@ -204,15 +204,15 @@ impl Worker {
             return;
         }
         let until = Instant::now() + PATIENCE;
-        let mut settled = self.end(claim, &cause).await;
-        while matches!(settled, Err(StoreError::Unreachable(_)))
+        let mut stored = self.end(claim, &cause).await;
+        while matches!(stored, Err(StoreError::Unreachable(_)))
             && Instant::now() < until
             && !self.halt.is_cancelled()
         {
             tokio::time::sleep(RETRY).await;
-            settled = self.end(claim, &cause).await;
+            stored = self.end(claim, &cause).await;
         }
-        match settled {
+        match stored {
             Ok(state) => {
                 tracing::warn!(%job, owner = claim.job.owner.name(), state = state.name(), %cause, "job ends without a result");
                 self.settings.metrics.ended(state.name());

@@ -1,4 +1,6 @@
 //! Pictures: clouds as shaded points or triangles colored by a function, and spectra as plots.
+//!
+//! Drawn here, because a server has no GPU, which crates for scenes want, and crates for charts and vectors know no depth.
 
 mod color;
 mod file;

@@ -1,4 +1,7 @@
 //! Points and triangles become pixels, the nearest of which is seen.
+//!
+//! Written here: crates that fill shapes on a processor have no depth, or no discs, and bands of rows give the same bits for
+//! any number of threads.
 
 use rayon::prelude::*;
 
@@ -32,7 +35,7 @@ pub(super) struct Pixel {
     pub(super) depth: f32,
     /// Distance in pixels to what the same surface consists of: the radius of the point, or the side of the triangle.
     pub(super) grain: f32,
-    /// Share of the light that the surface faces; NaN where it is to be told from the depth around.
+    /// Share of the light that the surface faces; NaN if derived from neighboring depths.
     pub(super) facing: f32,
     pub(super) color: Rgb,
 }

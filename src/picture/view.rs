@@ -1,4 +1,4 @@
-//! From where a cloud is looked at, and where its points fall in the picture.
+//! The camera: view direction and projection.
 
 use crate::arguments::{arguments, words};
 use crate::cloud::PointCloud;

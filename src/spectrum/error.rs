@@ -3,7 +3,7 @@
 use super::factor::FactorError;
 use crate::progress::Canceled;
 
-/// Why there are no eigenpairs.
+/// An error of the eigensolver.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpectrumError {

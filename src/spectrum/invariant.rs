@@ -9,7 +9,7 @@ use faer::Mat;
 use super::dense::ritz;
 use super::general::{self, GeneralPairs};
 use super::preconditioner::Preconditioner;
-use super::trial_space::{Residuals, TrialSpace};
+use super::trial_space::{Residuals, TrialSpace, iterate};
 use super::vectors::block::{Block, add_product, replace_by_product};
 use super::{Problem, SpectrumError};
 use crate::progress::Progress;
@@ -31,20 +31,16 @@ pub fn solve(
     progress: &Progress,
     share: impl Fn(f64) -> f64,
 ) -> Result<(GeneralPairs, Block), SpectrumError> {
-    let (mut space, mut schur) = begin(problem, start, progress)?;
-    let mut worst = f64::INFINITY;
-    let mut first_worst = None;
-    for _ in 0..ITERATIONS_MAX {
-        let residuals = residuals(problem, &space, &schur, count, tolerance);
-        worst = residuals.worst;
-        if worst <= tolerance {
-            return finish(problem, space, &schur, count);
-        }
-        let from = *first_worst.get_or_insert(worst);
-        progress.advance(share(((from / worst).ln() / (from / tolerance).ln()).clamp(0.0, 1.0)))?;
-        schur = step(problem, preconditioner, &mut space, residuals, progress)?;
-    }
-    Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: ITERATIONS_MAX })
+    let (space, schur) = iterate(
+        begin(problem, start, progress)?,
+        tolerance,
+        ITERATIONS_MAX,
+        progress,
+        share,
+        |space, schur| residuals(problem, space, schur, count, tolerance),
+        |space, residuals| step(problem, preconditioner, space, residuals, progress),
+    )?;
+    finish(problem, space, &schur, count)
 }
 
 /// The span of the start vectors, and `T = XᵀAX`.

@@ -69,7 +69,7 @@ fn append<V: Scalar>(krylov: &mut Krylov<V>, work: &Block) {
     krylov.basis.copy_columns(krylov.processed, work, 0, work.columns());
 }
 
-/// Multiplies the next block and orthogonalises the product.
+/// Multiplies the next block and orthogonalizes the product.
 pub(super) fn expand<V: Scalar>(
     complement: &Complement<'_>,
     inverse: &dyn Inverse,

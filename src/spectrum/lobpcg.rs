@@ -7,7 +7,7 @@ use faer::Mat;
 
 use super::orthogonal::eigen;
 use super::preconditioner::Preconditioner;
-use super::trial_space::{Residuals, TrialSpace};
+use super::trial_space::{Residuals, TrialSpace, iterate};
 use super::vectors::block::Block;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::progress::Progress;
@@ -33,22 +33,18 @@ pub fn solve(
     share: impl Fn(f64) -> f64,
 ) -> Result<Eigenpairs, SpectrumError> {
     progress.afford_beside((VECTORS_HELD * start.columns() * problem.size() * size_of::<f64>()) as u64)?;
-    let (mut space, mut values) = begin(problem, start, progress)?;
-    let mut worst = f64::INFINITY;
-    let mut first_worst = None;
-    for _ in 0..ITERATIONS_MAX {
-        let residuals = residuals(problem, &space, &values, count, tolerance);
-        worst = residuals.worst;
-        if worst <= tolerance {
-            let mut basis = space.basis;
-            basis.set_columns(values.len());
-            return Ok(Eigenpairs::real(values, basis));
-        }
-        let from = *first_worst.get_or_insert(worst);
-        progress.advance(share(((from / worst).ln() / (from / tolerance).ln()).clamp(0.0, 1.0)))?;
-        values = step(problem, preconditioner, &mut space, residuals, progress)?;
-    }
-    Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: ITERATIONS_MAX })
+    let (space, values) = iterate(
+        begin(problem, start, progress)?,
+        tolerance,
+        ITERATIONS_MAX,
+        progress,
+        share,
+        |space, values| residuals(problem, space, values, count, tolerance),
+        |space, residuals| step(problem, preconditioner, space, residuals, progress),
+    )?;
+    let mut basis = space.basis;
+    basis.set_columns(values.len());
+    Ok(Eigenpairs::real(values, basis))
 }
 
 /// Rayleigh–Ritz in the span of the start vectors: the space and its Ritz values.

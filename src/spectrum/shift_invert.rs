@@ -1,4 +1,4 @@
-//! Block Lanczos on `(A − sI)⁻¹` with full reorthogonalisation and thick restarts, for operators that can be factored.
+//! Block Lanczos on `(A − sI)⁻¹` with full reorthogonalization and thick restarts, for operators that can be factored.
 //!
 //! Blocks find the multiplicities that single vectors miss; the null space is known and kept out of the iteration.
 

@@ -57,6 +57,35 @@ impl Residuals {
     }
 }
 
+/// Steps from a space, and what is found in it, until the largest residual is at most `tolerance`; `share` turns the part of
+/// the way that lies behind into progress.
+///
+/// # Errors
+/// [`SpectrumError::NotConverged`] after `iterations_max` steps; those of `step`; [`SpectrumError::Canceled`].
+pub(super) fn iterate<T>(
+    (mut space, mut found): (TrialSpace, T),
+    tolerance: f64,
+    iterations_max: usize,
+    progress: &Progress,
+    share: impl Fn(f64) -> f64,
+    residuals: impl Fn(&TrialSpace, &T) -> Residuals,
+    step: impl Fn(&mut TrialSpace, Residuals) -> Result<T, SpectrumError>,
+) -> Result<(TrialSpace, T), SpectrumError> {
+    let mut worst = f64::INFINITY;
+    let mut first_worst = None;
+    for _ in 0..iterations_max {
+        let residuals = residuals(&space, &found);
+        worst = residuals.worst;
+        if worst <= tolerance {
+            return Ok((space, found));
+        }
+        let from = *first_worst.get_or_insert(worst);
+        progress.advance(share(((from / worst).ln() / (from / tolerance).ln()).clamp(0.0, 1.0)))?;
+        found = step(&mut space, residuals)?;
+    }
+    Err(SpectrumError::NotConverged { reached: worst, tolerance, iterations: iterations_max })
+}
+
 impl TrialSpace {
     /// The span of the start vectors, with room for P and W.
     pub(super) fn new(

@@ -53,7 +53,7 @@ impl From<PathBuf> for DatabaseAddress {
 impl FromStr for DatabaseAddress {
     type Err = Infallible;
 
-    /// Whether an address can be read is told when it is opened: what reads command lines would repeat it with its password.
+    /// Validity is checked on opening: a parse error on the command line would print the password.
     fn from_str(text: &str) -> Result<Self, Infallible> {
         Ok(if text.contains("://") { Self(Place::Postgres(text.to_owned())) } else { Self::file(text) })
     }

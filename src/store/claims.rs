@@ -37,7 +37,7 @@ impl Store {
 
     /// As [`Self::claim`], when the job is estimated to take at most `free` bytes of memory, and when either it is its
     /// first attempt or nothing else runs (`idle`): a job that may have killed the process must not take others with it.
-    /// A job that cannot be claimed yet keeps those behind it waiting: were they let past, it might wait for ever. Only a
+    /// A job that cannot be claimed yet keeps those behind it waiting: were they let past, it might wait forever. Only a
     /// job that this node can never run, because it needs more than its budget, is left to larger nodes.
     ///
     /// A job whose record cannot be read is left to a node of another version, and ends failed where there is none.

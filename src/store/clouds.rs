@@ -11,9 +11,7 @@ use super::connection::{Connection, Row};
 use super::content::{self, Part};
 use super::jobs::before;
 use super::rows::{cloud_checksum, cloud_record, cloud_with_id, from_word, hex, integer, to_json, word};
-use super::{
-    CloudRecord, FieldRecord, Milliseconds, Owner, Page, Store, StoreError, Submitted, detached, off_thread,
-};
+use super::{CloudRecord, FieldRecord, Owner, Page, Store, StoreError, Submitted, detached, off_thread};
 use crate::analysis::{Examined, JobKind, Parameters};
 use crate::cloud::{NonFinite, PointCloud, ScalarField};
 
@@ -48,7 +46,9 @@ impl Store {
         detached(async move {
             store.refuse_when_disk_full().await?;
             let shared = Arc::clone(&cloud);
-            let digest = off_thread(move || content::digest(&shared)).await?;
+            // All that looks at every point comes before the transaction, which other writers wait for.
+            let (digest, described) =
+                off_thread(move || Ok((content::digest(&shared)?, describe(&shared, examined)))).await?;
             let mut transaction = store.write().await?;
             let known = cloud_with_digest(&mut transaction, &owner, &digest).await?;
             let (record, cloud_created) = if let Some(record) = known {
@@ -57,14 +57,15 @@ impl Store {
                 if job.is_some() {
                     store.refuse_when_queue_full(&mut transaction, &owner).await?;
                 }
-                let now = store.now(&mut transaction).await?;
-                let record = describe(&cloud, owner.clone(), now, &digest, examined);
-                store.refuse_when_owner_full(&mut transaction, &owner, record.bytes()).await?;
+                let created = store.now(&mut transaction).await?;
+                let (id, owner) = (Uuid::now_v7(), owner.clone());
+                let record = CloudRecord { id, owner, created, digest: hex(&digest), ..described };
+                store.refuse_when_owner_full(&mut transaction, &record.owner, record.bytes()).await?;
                 if insert_cloud(&mut transaction, &record, &cloud, &digest).await? {
                     (record, true)
                 } else {
                     // Another node stored the same content at the same moment.
-                    let same = cloud_with_digest(&mut transaction, &owner, &digest).await?;
+                    let same = cloud_with_digest(&mut transaction, &record.owner, &digest).await?;
                     (same.ok_or(StoreError::Busy)?, false)
                 }
             };
@@ -142,33 +143,30 @@ impl Store {
     pub async fn load_cloud(&self, id: Uuid) -> Result<PointCloud, StoreError> {
         let mut snapshot = self.read().await?;
         let record = cloud_with_id(&mut snapshot, id).await?;
-        let mut coordinates = Vec::with_capacity(record.points as usize * record.dimension);
-        let mut faces = Vec::with_capacity(record.faces as usize);
-        let mut continued = Vec::new();
-        let mut fields: Vec<ScalarField> = Vec::with_capacity(record.fields.len());
-        for field in &record.fields {
-            let values = Vec::with_capacity(record.points as usize);
-            fields.push(ScalarField { name: field.name.clone(), kind: field.kind, values });
-        }
-        for part in Part::all(fields.len()) {
+        let mut pieces = Pieces::of(&record);
+        for part in Part::all(record.fields.len()) {
             let mut chunks = snapshot.query(
                 "SELECT encoding, data FROM cloud_chunks WHERE cloud_id = $1 AND part = $2 ORDER BY chunk",
             )
             .bind(id)
             .bind(part.name())
             .fetch();
-            while let Some(row) = chunks.try_next().await? {
-                match part {
-                    Part::Coordinates => read_numbers(&row, &mut coordinates)?,
-                    Part::Field(field) => read_numbers(&row, &mut fields[field].values)?,
-                    Part::Faces => read_faces(&row, &mut faces)?,
-                    Part::Polygons => read_polygons(&row, &mut continued)?,
+            loop {
+                let mut rows = Vec::with_capacity(CHUNKS_AT_ONCE);
+                while rows.len() < CHUNKS_AT_ONCE
+                    && let Some(row) = chunks.try_next().await?
+                {
+                    rows.push(row);
+                    // Rows that are ready already come without a pause: let others onto this thread between them.
+                    tokio::task::yield_now().await;
                 }
-                // Rows that are ready already come without a pause: let others onto this thread between them.
-                tokio::task::yield_now().await;
+                if rows.is_empty() {
+                    break;
+                }
+                pieces = off_thread(move || pieces.with(part, &rows)).await?;
             }
         }
-        off_thread(move || assemble(&record, coordinates, fields, (faces, continued))).await
+        off_thread(move || pieces.assemble(&record)).await
     }
 
     /// Whether `id` is a cloud or a job of `owner`.
@@ -262,21 +260,18 @@ impl Store {
     }
 }
 
-/// The record of a new cloud.
-fn describe(
-    cloud: &PointCloud,
-    owner: Owner,
-    created: Milliseconds,
-    digest: &Checksum,
-    examined: Examined,
-) -> CloudRecord {
+/// Chunks that are encoded or decoded in one go away from the threads that serve requests, 3 MiB of points in space.
+const CHUNKS_AT_ONCE: usize = 16;
+
+/// The record of a new cloud, but for what its transaction decides: id, owner, time and digest.
+fn describe(cloud: &PointCloud, examined: Examined) -> CloudRecord {
     let field = |field: &ScalarField| FieldRecord { name: field.name.clone(), kind: field.kind };
     CloudRecord {
-        id: Uuid::now_v7(),
-        owner,
+        id: Uuid::nil(),
+        owner: Owner::nobody(),
         name: None,
-        created,
-        digest: hex(digest),
+        created: 0,
+        digest: String::new(),
         points: cloud.len() as u64,
         dimension: cloud.dimension(),
         nonfinite: cloud.nonfinite() as u64,
@@ -295,7 +290,7 @@ fn describe(
 async fn insert_cloud(
     connection: &mut Connection,
     record: &CloudRecord,
-    cloud: &PointCloud,
+    cloud: &Arc<PointCloud>,
     digest: &Checksum,
 ) -> Result<bool, StoreError> {
     let inserted = connection.query(
@@ -329,14 +324,22 @@ async fn insert_cloud(
     let mut bytes = 0;
     let mut rows = Rows::into(connection, CLOUD_CHUNKS).await?;
     for part in Part::all(record.fields.len()) {
-        // Cut one by one: a second copy of the whole cloud never exists.
-        let mut chunk = 0;
-        while let Some((encoding, data)) = part.chunk(cloud, chunk) {
-            bytes += data.len();
-            let (id, place) = (Field::Uuid(record.id), Field::Integer(integer(chunk)));
-            let encoding = Field::Text(word(&encoding)?);
-            rows.put([id, Field::Text(part.name()), place, encoding, Field::Bytes(data)]).await?;
-            chunk += 1;
+        // Cut a few at a time: a second copy of the whole cloud never exists.
+        for first in (0..).step_by(CHUNKS_AT_ONCE) {
+            let cloud = Arc::clone(cloud);
+            let cut =
+                move || Ok((first..first + CHUNKS_AT_ONCE).map_while(|i| part.chunk(&cloud, i)).collect());
+            let chunks: Vec<_> = off_thread(cut).await?;
+            let is_last = chunks.len() < CHUNKS_AT_ONCE;
+            for (chunk, (encoding, data)) in (first..).zip(chunks) {
+                bytes += data.len();
+                let (id, place) = (Field::Uuid(record.id), Field::Integer(integer(chunk)));
+                let encoding = Field::Text(word(&encoding)?);
+                rows.put([id, Field::Text(part.name()), place, encoding, Field::Bytes(data)]).await?;
+            }
+            if is_last {
+                break;
+            }
         }
     }
     rows.finish().await?;
@@ -363,41 +366,63 @@ async fn cloud_with_digest(
     row.as_ref().map(cloud_record).transpose()
 }
 
-fn read_numbers(row: &Row, values: &mut Vec<f64>) -> Result<(), StoreError> {
-    content::read_numbers(from_word(row.try_get("encoding")?)?, row.try_get("data")?, values)
-}
-
-fn read_faces(row: &Row, faces: &mut Vec<[u32; 3]>) -> Result<(), StoreError> {
-    if content::read_faces(row.try_get("data")?, faces) {
-        return Ok(());
-    }
-    Err(StoreError::Damaged("a chunk of faces has a broken length".to_owned()))
-}
-
-fn read_polygons(row: &Row, continued: &mut Vec<u32>) -> Result<(), StoreError> {
-    if content::read_polygons(row.try_get("data")?, continued) {
-        return Ok(());
-    }
-    Err(StoreError::Damaged("a chunk of polygons has a broken length".to_owned()))
-}
-
-/// The cloud that `record` describes, if these are its numbers.
-fn assemble(
-    record: &CloudRecord,
+/// What has been read of a cloud.
+struct Pieces {
     coordinates: Vec<f64>,
     fields: Vec<ScalarField>,
-    (faces, continued): (Vec<[u32; 3]>, Vec<u32>),
-) -> Result<PointCloud, StoreError> {
-    let cloud = PointCloud::new(record.dimension, coordinates, NonFinite::Drop)
-        .and_then(|cloud| cloud.with_fields(fields))
-        .and_then(|cloud| cloud.with_faces(faces))
-        .and_then(|cloud| cloud.with_polygons(continued))
-        .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?
-        .with_coordinate_type(record.coordinate_type)
-        .with_grids(record.grids)
-        .with_origin(record.origin.clone());
-    if !content::has_digest(&cloud, &record.digest)? {
-        return Err(StoreError::Damaged(format!("cloud {} does not match its digest", record.id)));
+    faces: Vec<[u32; 3]>,
+    continued: Vec<u32>,
+}
+
+impl Pieces {
+    /// Nothing yet, with room for all that `record` describes.
+    fn of(record: &CloudRecord) -> Self {
+        let points = record.points as usize;
+        let field = |field: &FieldRecord| ScalarField {
+            name: field.name.clone(),
+            kind: field.kind,
+            values: Vec::with_capacity(points),
+        };
+        Self {
+            coordinates: Vec::with_capacity(points * record.dimension),
+            fields: record.fields.iter().map(field).collect(),
+            faces: Vec::with_capacity(record.faces as usize),
+            continued: Vec::new(),
+        }
     }
-    Ok(cloud)
+
+    /// With further chunks of a part.
+    fn with(mut self, part: Part, rows: &[Row]) -> Result<Self, StoreError> {
+        for row in rows {
+            let bytes: &[u8] = row.try_get("data")?;
+            let numbers = match part {
+                Part::Coordinates => &mut self.coordinates,
+                Part::Field(field) => &mut self.fields[field].values,
+                Part::Faces if content::read_faces(bytes, &mut self.faces) => continue,
+                Part::Polygons if content::read_polygons(bytes, &mut self.continued) => continue,
+                Part::Faces | Part::Polygons => {
+                    let part = part.name();
+                    return Err(StoreError::Damaged(format!("a chunk of {part} has a broken length")));
+                }
+            };
+            content::read_numbers(from_word(row.try_get("encoding")?)?, bytes, numbers)?;
+        }
+        Ok(self)
+    }
+
+    /// The cloud that `record` describes, if these are its numbers.
+    fn assemble(self, record: &CloudRecord) -> Result<PointCloud, StoreError> {
+        let cloud = PointCloud::new(record.dimension, self.coordinates, NonFinite::Drop)
+            .and_then(|cloud| cloud.with_fields(self.fields))
+            .and_then(|cloud| cloud.with_faces(self.faces))
+            .and_then(|cloud| cloud.with_polygons(self.continued))
+            .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?
+            .with_coordinate_type(record.coordinate_type)
+            .with_grids(record.grids)
+            .with_origin(record.origin.clone());
+        if !content::has_digest(&cloud, &record.digest)? {
+            return Err(StoreError::Damaged(format!("cloud {} does not match its digest", record.id)));
+        }
+        Ok(cloud)
+    }
 }

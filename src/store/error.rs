@@ -5,7 +5,7 @@ use sqlx::error::DatabaseError;
 use sqlx::migrate::MigrateError;
 use sqlx::postgres::PgDatabaseError;
 
-/// What can go wrong between a caller and the database.
+/// An error of the store.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// No such cloud or job.
@@ -21,7 +21,7 @@ pub enum StoreError {
         limit: u64,
     },
     /// As many jobs of this owner wait as may.
-    #[error("{limit} jobs of this key are queued, which is as many as may be")]
+    #[error("this key already has {limit} queued jobs, its limit")]
     OwnerQueueFull {
         /// The limit.
         limit: u64,

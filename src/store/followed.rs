@@ -98,7 +98,7 @@ async fn read_followed(store: Store, mut changes: watch::Receiver<u64>) {
         changes.mark_unchanged();
         match jobs_with_ids(&store, &wanted).await {
             Ok(jobs) => store.followed.tell(&wanted, jobs),
-            Err(error) => tracing::warn!(%error, "jobs that are followed cannot be read; it is tried again"),
+            Err(error) => tracing::warn!(%error, "jobs that are followed cannot be read; will retry"),
         }
         tokio::time::sleep(PAUSE).await;
         if changes.changed().await.is_err() {

@@ -16,6 +16,9 @@ use crate::analysis::{JobKind, Parameters, memory_estimate};
 /// Entries of a row of an operator's matrix, about, before the matrix is known.
 const ENTRIES_PER_ROW: u64 = 60;
 
+/// Parameters that came after the first version.
+const LATER: [&str; 3] = ["exact", "solved_points", "local_bandwidth"];
+
 impl JobState {
     /// Whether a job in this state stays in it.
     #[must_use]
@@ -280,20 +283,23 @@ impl Store {
     }
 }
 
-/// The job that does this analysis, unless it failed or is being canceled.
 /// Parameters as they stand in a row: fields in the order of their declaration, numbers in their shortest form, so that equal
 /// parameters are equal text.
 ///
 /// What came after the first version is left out where it is not used. The same analysis is the same in databases of all
 /// versions, and nodes of an older one, which refuse fields that they do not know, read it.
 fn text_of(parameters: &Parameters) -> Result<String, StoreError> {
-    let mut text = to_json(parameters)?;
-    for unused in [r#""exact":false,"#, r#""solved_points":null,"#, r#""local_bandwidth":null,"#] {
-        text = text.replace(unused, "");
+    let fields = |parameters: &Parameters| {
+        serde_json::to_value(parameters).map_err(|error| StoreError::Database(error.to_string()))
+    };
+    let (mut used, unused) = (fields(parameters)?, fields(&Parameters::default())?);
+    if let Some(used) = used.as_object_mut() {
+        used.retain(|name, value| !LATER.contains(&name.as_str()) || unused.get(name) != Some(value));
     }
-    Ok(text)
+    to_json(&used)
 }
 
+/// The job that does this analysis, unless it failed or is being canceled.
 async fn same_job(
     connection: &mut Connection,
     cloud: Uuid,

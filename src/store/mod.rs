@@ -30,9 +30,9 @@ mod reading;
 mod records;
 mod results;
 mod retention;
-mod room;
 mod rows;
 mod settings;
+mod shrinking;
 mod space;
 mod sqlite;
 mod write;
@@ -193,7 +193,7 @@ impl Store {
     }
 }
 
-/// What other nodes and other parts of this process are told of.
+/// Kinds of change notifications.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Subject {
     /// A job may have changed.

@@ -1,10 +1,10 @@
-//! Whose a cloud or job is.
+//! The owner of a cloud or job.
 
 use std::sync::Arc;
 
 use super::{Store, StoreError, detached, postgres};
 
-/// Whom clouds and jobs belong to: a name, or nobody where no key is asked for. Nobody is an owner like any other:
+/// An owner: a name, or nobody on a service without keys. Nobody is an owner like any other:
 /// what was stored without a key is out of reach of every key, and the other way round.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Owner(Arc<str>);

@@ -27,7 +27,7 @@ macro_rules! give_up {
 }
 
 impl Store {
-    /// Ends the queued jobs that need more memory than there is now, on whichever node, which would wait for ever. Returns
+    /// Ends the queued jobs that need more memory than there is now, on whichever node, which would wait forever. Returns
     /// how many there were.
     ///
     /// # Errors

@@ -53,9 +53,7 @@ impl Store {
     ) -> Result<Vec<Vec<f64>>, StoreError> {
         let mut snapshot = self.read().await?;
         let Finished { points, chunk_points } = finished(&mut snapshot, job).await?;
-        let bases: i64 =
-            snapshot.query("SELECT count(*) FROM bases WHERE job_id = $1").bind(job).scalar().await?;
-        if chunk >= points.div_ceil(chunk_points) || first.saturating_add(count) > bases as usize {
+        if chunk >= points.div_ceil(chunk_points) {
             return Err(StoreError::NoResult);
         }
         let rows = snapshot
@@ -66,14 +64,19 @@ impl Store {
             .bind(job)
             .bind(integer(chunk))
             .bind(integer(first))
-            .bind(integer(first + count))
+            .bind(integer(first.saturating_add(count)))
             .fetch_all()
             .await?;
+        if rows.len() != count {
+            let bases: i64 =
+                snapshot.query("SELECT count(*) FROM bases WHERE job_id = $1").bind(job).scalar().await?;
+            if first.saturating_add(count) > bases as usize {
+                return Err(StoreError::NoResult);
+            }
+            return Err(StoreError::Damaged(format!("chunk {chunk} lacks {} bases", count - rows.len())));
+        }
         let length = chunk_points.min(points - chunk * chunk_points);
         off_thread(move || {
-            if rows.len() != count {
-                return Err(StoreError::Damaged(format!("chunk {chunk} lacks {} bases", count - rows.len())));
-            }
             rows.iter().zip(first..).map(|(row, index)| values_of_length(row, index, chunk, length)).collect()
         })
         .await

@@ -99,7 +99,7 @@ pub struct JobRecord {
     pub id: Uuid,
     /// Whose it is.
     pub owner: Owner,
-    /// The cloud it analyses.
+    /// The cloud it analyzes.
     pub cloud_id: Uuid,
     /// What the cloud's file was called.
     pub cloud_name: Option<String>,

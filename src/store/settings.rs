@@ -37,7 +37,7 @@ pub struct StoreSettings {
     pub clock: Clock,
 }
 
-/// What other nodes are told of this one.
+/// What this node announces to the others.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NodeSettings {
     /// Threads that compute.

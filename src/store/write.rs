@@ -29,7 +29,7 @@ impl LastCommit {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = committed;
     }
 
-    /// Something was refused for want of room: whether a write succeeds must be tried anew.
+    /// Something was refused because the disk is full: whether a write succeeds must be tried anew.
     pub(super) fn forget(&self) {
         self.set(None);
     }

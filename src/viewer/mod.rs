@@ -2,7 +2,7 @@
 //!
 //! The files beside this one are ES modules, a style sheet and a page, written by hand and compiled in. The modules are
 //! joined into one script when the page is first asked for (`join.rs`): a browser fetches three files
-//! instead of thirty. Their addresses carry a digest of all of them, so that browsers may keep them for ever.
+//! instead of thirty. Their addresses carry a digest of all of them, so that browsers may keep them forever.
 
 mod join;
 

@@ -18,9 +18,9 @@ use crate::service::{Service, detail, file, lines, never_finishing, problem, sph
 
 /// Settings that bound something, each with its name in `/capabilities`.
 const LIMITS: [(&str, &str); 24] = [
-    ("max-body", "body_bytes"),
-    ("max-decoded", "decoded_bytes"),
-    ("ratio-max", "decoded_ratio_max"),
+    ("body-bytes-max", "body_bytes"),
+    ("decoded-bytes-max", "decoded_bytes"),
+    ("decoded-ratio-max", "decoded_ratio_max"),
     ("body-seconds", "body_seconds"),
     ("body-rate-min", "body_rate_min_bytes"),
     ("stall-seconds", "stall_seconds"),
@@ -303,14 +303,14 @@ async fn an_encoding_that_is_not_known_is_refused_with_those_that_are() {
 
 #[tokio::test]
 async fn a_body_that_decompresses_beyond_the_limits_is_refused() {
-    let service = Service::with_settings(|settings| settings.max_decoded = 10_000).await;
+    let service = Service::with_settings(|settings| settings.decoded_bytes_max = 10_000).await;
     let cloud = file(&sphere(500), Format::Xyz);
     for (encoding, compressed) in [("gzip", gzip(&cloud)), ("zstd", zstd(&cloud))] {
         let refused = send_encoded(&service, "/clouds", encoding, compressed).await;
         let refused = problem(refused, StatusCode::PAYLOAD_TOO_LARGE, "too-large").await;
         assert_eq!(refused["limit"], 10_000);
     }
-    let service = Service::with_settings(|settings| settings.ratio_max = 10).await;
+    let service = Service::with_settings(|settings| settings.decoded_ratio_max = 10).await;
     let bomb = vec![b'0'; 20 << 20];
     for (encoding, compressed) in [("gzip", gzip(&bomb)), ("zstd", zstd(&bomb))] {
         let refused = send_encoded(&service, "/clouds?format=xyz", encoding, compressed).await;

@@ -8,7 +8,7 @@ use chladni::cloud::reader::Format;
 use chladni::cloud::shapes::{SampleRequest, Shape, sample};
 use chladni::cloud::writer::write;
 use chladni::cloud::{NonFinite, PointCloud};
-use chladni::jobs::{Analyze, analyses};
+use chladni::jobs::{Analyze, default_analysis};
 use chladni::progress::Phase;
 use reqwest::{Response, StatusCode};
 use serde_json::Value;
@@ -24,12 +24,12 @@ pub(crate) struct Service {
 impl Service {
     /// With the default settings and the library's analysis.
     pub(crate) async fn start() -> Self {
-        Self::start_with(|_| {}, analyses()).await
+        Self::start_with(|_| {}, default_analysis()).await
     }
 
     /// With other settings.
     pub(crate) async fn with_settings(change: impl FnOnce(&mut Settings)) -> Self {
-        Self::start_with(change, analyses()).await
+        Self::start_with(change, default_analysis()).await
     }
 
     /// With an analysis that begins, tells nothing, and ends only when it is canceled.

@@ -169,7 +169,7 @@ async fn parameters_that_exclude_each_other_are_refused() {
 
 #[tokio::test]
 async fn a_body_over_the_limit_is_refused_announced_or_not() {
-    let service = Service::with_settings(|settings| settings.max_body = 1000).await;
+    let service = Service::with_settings(|settings| settings.body_bytes_max = 1000).await;
     let announced = service.post("/clouds", vec![b'1'; 1001]).await;
     let refused = problem(announced, StatusCode::PAYLOAD_TOO_LARGE, "too-large").await;
     assert_eq!(refused["limit"], 1000);

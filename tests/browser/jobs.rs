@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use chladni::analysis::AnalysisError;
-use chladni::jobs::{Analyze, analyses};
+use chladni::jobs::{Analyze, default_analysis};
 use chladni::progress::Phase;
 use serde_json::{Value, json};
 
@@ -18,7 +18,7 @@ async fn a_key_is_asked_for_once_kept_in_the_tab_and_never_part_of_an_address() 
     let keys = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(keys.path(), format!("someone {KEY}\n")).unwrap();
     let service =
-        Service::with(|settings| settings.api_keys = Some(keys.path().to_owned()), analyses()).await;
+        Service::with(|settings| settings.api_keys = Some(keys.path().to_owned()), default_analysis()).await;
     browser.client.goto(&service.url("/")).await.unwrap();
     browser.state("s.key").await;
     browser.keys("#key-text", "wrong").await;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use chladni::app::{App, Settings};
 use chladni::cloud::PointCloud;
 use chladni::cloud::shapes::{SampleRequest, Shape, sample};
-use chladni::jobs::{Analyze, analyses};
+use chladni::jobs::{Analyze, default_analysis};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -20,7 +20,7 @@ pub(crate) struct Service {
 
 impl Service {
     pub(crate) async fn start() -> Self {
-        Self::with(|_| {}, analyses()).await
+        Self::with(|_| {}, default_analysis()).await
     }
 
     pub(crate) async fn with(change: impl FnOnce(&mut Settings), analyze: Arc<Analyze>) -> Self {

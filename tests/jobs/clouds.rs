@@ -54,6 +54,28 @@ fn everything() -> PointCloud {
         .unwrap()
 }
 
+/// Chunks are cut and read sixteen at a time.
+#[tokio::test]
+async fn clouds_of_many_chunks_come_back_bit_for_bit() {
+    let stage = Stage::new();
+    let store = stage.open().await;
+    for points in [16 * CHUNK_POINTS, 32 * CHUNK_POINTS + 1] {
+        let numbers: Vec<f64> = (0..points).map(|i| (i as f64).sqrt()).collect();
+        let faces: Vec<[u32; 3]> = (0..points as u32 - 2).map(|i| [i, i + 1, i + 2]).collect();
+        let field = ScalarField { name: "a".to_owned(), kind: ScalarType::Float64, values: numbers.clone() };
+        let cloud = PointCloud::new(1, numbers, NonFinite::Drop).unwrap().with_faces(faces).unwrap();
+        let cloud = cloud.with_fields(vec![field]).unwrap();
+        let record = store.submit(&cloud, None).await.unwrap().cloud;
+        assert_eq!(record.bounding_box, (vec![0.0], vec![((points - 1) as f64).sqrt()]));
+        assert_eq!(store.cloud(record.id).await.unwrap(), record);
+        let back = store.load_cloud(record.id).await.unwrap();
+        assert_eq!(bits(back.coordinates()), bits(cloud.coordinates()));
+        assert_eq!(back.faces(), cloud.faces());
+        assert_eq!(bits(&back.fields()[0].values), bits(&cloud.fields()[0].values));
+    }
+    stage.assert_sound().await;
+}
+
 #[tokio::test]
 async fn a_cloud_comes_back_bit_for_bit_with_every_type_of_field_faces_and_missing_rows() {
     let stage = Stage::new();

@@ -78,7 +78,7 @@ fn the_square_with_natural_rims_has_cosines_for_bases() {
     assert_eq!(analysis.report.sampling.rim_cells, 4 * 60);
 }
 
-/// The oracle is spade's Delaunay triangulation: a Voronoi cell's area from the circumcentres around it.
+/// The oracle is spade's Delaunay triangulation: a Voronoi cell's area from the circumcenters around it.
 #[test]
 fn cells_in_the_plane_have_the_areas_of_the_voronoi_diagram() {
     let points: Vec<[f64; 2]> = (0..800).map(|i| [hashed(2 * i), hashed(2 * i + 1)]).collect();

@@ -11,7 +11,7 @@ use std::process::{Child, Command, Stdio};
 
 use tempfile::TempDir;
 
-/// Every page whose commands, links and pictures must work.
+/// Every page whose commands must work.
 const PAGES: [&str; 13] = [
     "README.md",
     "CONTRIBUTING.md",
@@ -193,12 +193,36 @@ fn anchors(text: &str) -> Vec<String> {
     headings.map(|line| anchor(line).replace(' ', "-")).collect()
 }
 
+/// Every Markdown page of the project, by its path from the root.
+fn documents() -> Vec<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = ["", "docs/", "docs/decisions/", "python/"];
+    let names = folders.into_iter().flat_map(|folder| {
+        let entries = root.join(folder).read_dir().unwrap();
+        entries.map(move |entry| format!("{folder}{}", entry.unwrap().file_name().to_str().unwrap()))
+    });
+    names.filter(|name| Path::new(name).extension().is_some_and(|extension| extension == "md")).collect()
+}
+
+#[test]
+fn every_page_is_linked_from_the_readme_or_the_list_of_decisions() {
+    let (readme, decisions) = (page("README.md"), page("docs/decisions/README.md"));
+    for name in documents().iter().filter(|name| !name.ends_with("README.md")) {
+        let listed = match name.strip_prefix("docs/decisions/") {
+            Some(name) => decisions.contains(&format!("]({name})")),
+            None => readme.contains(&format!("]({name})")),
+        };
+        assert!(listed, "{name}");
+    }
+    assert!(readme.contains("](docs/decisions/README.md)"));
+}
+
 #[test]
 fn every_picture_and_every_link_of_every_page_is_there() {
     let mut found = 0;
-    for name in PAGES {
-        let text = page(name);
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+    for name in documents() {
+        let text = page(&name);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(&name);
         let targets = text.match_indices("](").map(|(at, _)| text[at + 2..].split(')').next().unwrap());
         for target in targets.filter(|target| !target.starts_with("http")) {
             let (file, anchor) = target.split_once('#').unwrap_or((target, ""));

@@ -49,7 +49,7 @@ fn text(ran: &Ran, files: &[PathBuf]) -> String {
         let first: Vec<_> = spectrum.eigenvalues.iter().take(SHOWN).map(shown).collect();
         line(&format!("eigenvalues ({})", spectrum.eigenvalues.len()), first.join("  "));
         if let Some(solved) = spectrum.solved_points.filter(|&solved| solved < report.points_used) {
-            line("solved", format!("on {solved} points, and brought from there to all"));
+            line("solved", format!("on {solved} points, then extended to all"));
         }
     }
     for (name, seconds) in times(ran) {

@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use chladni::arguments::Arguments;
 use chladni::cloud::reader::Format;
 use chladni::cloud::writer::{PlyEncoding, write, write_annotated_ply};
 use chladni::harmonics::collapse::collapse;
@@ -32,7 +33,7 @@ pub(crate) struct FilterArgs {
     filter: Flags<Filter>,
 
     /// Gains of the modes in place of a filter: a list such as 1,1,0.5
-    #[arg(long, value_delimiter = ',', conflicts_with_all = ["filter", "by", "cutoff", "from", "to", "gain", "time", "taper"])]
+    #[arg(long, value_delimiter = ',', conflicts_with_all = shaping())]
     gains: Vec<f64>,
 
     #[command(flatten)]
@@ -41,6 +42,11 @@ pub(crate) struct FilterArgs {
     /// Write PLY as text
     #[arg(long)]
     ascii: bool,
+}
+
+/// The arguments that gains take the place of: all but what becomes of the rest.
+fn shaping() -> impl Iterator<Item = &'static str> {
+    Filter::table().into_iter().map(|argument| argument.name).filter(|name| *name != "outside")
 }
 
 /// What a filtered cloud is written as.
@@ -110,7 +116,8 @@ pub(crate) fn filter(args: &FilterArgs) -> Result<(), Failure> {
         }
     }
     let points = cloud.len();
-    let what = format!("{description}, {points} points, {lost} of them unchanged for want of a result");
+    let what =
+        format!("{description}, {points} points, {lost} of them unchanged because they have no result");
     let warnings: Vec<String> = warning.into_iter().collect();
     args.writing.reporting.warn(&warnings);
     let facts =

@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use chladni::arguments::Arguments;
 use chladni::harmonics::{Distance, DistanceRequest, Signature, SignatureRequest};
 use serde_json::json;
 
 use super::{Failure, Output, Results, Writing, write_json, write_npy};
 use crate::cli::flags::Flags;
 
-/// Compute heat or wave kernel signatures of every point.
+/// Results, and what is computed of every row by an argument struct of the library.
 #[derive(Debug, clap::Args)]
-pub(crate) struct SignaturesArgs {
+pub(crate) struct PerRowArgs<R: Arguments + Send + Sync + Clone + 'static> {
     /// Directory that `chladni analyze` filled
     results: PathBuf,
 
@@ -22,25 +23,11 @@ pub(crate) struct SignaturesArgs {
     writing: Writing,
 
     #[command(flatten)]
-    request: Flags<SignatureRequest>,
+    request: Flags<R>,
 }
 
-/// Compute distances from one point to all others.
-#[derive(Debug, clap::Args)]
-pub(crate) struct DistancesArgs {
-    /// Directory that `chladni analyze` filled
-    results: PathBuf,
-
-    /// File to write; its extension chooses the format: npy, ply or json; `-` is standard output
-    #[arg(long, short, value_name = "FILE")]
-    output: PathBuf,
-
-    #[command(flatten)]
-    writing: Writing,
-
-    #[command(flatten)]
-    request: Flags<DistanceRequest>,
-}
+pub(crate) type SignaturesArgs = PerRowArgs<SignatureRequest>;
+pub(crate) type DistancesArgs = PerRowArgs<DistanceRequest>;
 
 const FORMATS: [Output; 3] = [Output::Npy, Output::Ply, Output::Json];
 
@@ -76,7 +63,7 @@ pub(crate) fn distances(args: &DistancesArgs) -> Result<(), Failure> {
     let rows = results.mass.len();
     if from >= rows || results.mass[from].is_nan() {
         return Err(Failure::Input(format!(
-            "--from {}: a row with a result is expected, of those from 0 to {}",
+            "--from {}: expected a row with a result, from 0 to {}",
             from,
             rows - 1
         )));

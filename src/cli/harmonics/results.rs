@@ -142,7 +142,7 @@ pub(super) fn report(directory: &Path) -> Result<Report, Failure> {
 fn check_directory(directory: &Path) -> Result<(), Failure> {
     let shown = directory.display();
     let why = if directory.is_file() {
-        format!("{shown} is a file; a directory that `chladni analyze {shown} -o DIR` fills is expected")
+        format!("{shown} is a file; expected a directory that `chladni analyze {shown} -o DIR` fills")
     } else if !directory.exists() {
         format!("there is no directory {shown}; `chladni analyze CLOUD -o {shown}` fills one")
     } else if !directory.join("report.json").exists() {

@@ -153,7 +153,7 @@ fn lists(path: &Path) -> Result<Vec<Function>, Failure> {
     let refused = |what: &dyn std::fmt::Display| Failure::Input(format!("{}: {what}", path.display()));
     let json: Value = serde_json::from_slice(&results::file(path)?).map_err(|error| refused(&error))?;
     let fields = json.get("fields").unwrap_or(&json).as_object();
-    let fields = fields.ok_or_else(|| refused(&"an object of lists of numbers is expected"))?;
+    let fields = fields.ok_or_else(|| refused(&"expected an object of lists of numbers"))?;
     fields
         .iter()
         .map(|(name, list)| {

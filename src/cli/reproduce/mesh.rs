@@ -95,7 +95,7 @@ const COTANGENT_NOISY: [[f64; 4]; 3] =
 const MESH_NOISY: [[f64; 4]; 3] =
     [[0.599, 0.155, 0.051, 0.022], [0.484, 0.128, 0.028, 0.006], [0.612, 0.153, 0.043, 0.018]];
 
-/// The discretisation decides up to here; beyond it the bias of a fixed t does.
+/// The discretization decides up to here; beyond it the bias of a fixed t does.
 const COARSE_MAX: usize = 8_000;
 
 fn within(points: usize) -> Bound {

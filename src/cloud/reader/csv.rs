@@ -1,4 +1,6 @@
 //! CSV: a point per line, columns separated by commas, semicolons, tabs, or blanks.
+//!
+//! Not by the crate `csv`, which must be told the separator and knows no decimal commas, comments or counts of rows.
 
 use super::{Format, ReadError, ReadOptions, table};
 use crate::cloud::PointCloud;

@@ -29,9 +29,7 @@ impl fmt::Display for Location {
 #[non_exhaustive]
 pub enum ReadError {
     /// Nothing to read.
-    #[error(
-        "the file is empty; send a point cloud as PLY, OBJ, OFF, STL, XYZ, CSV, NPY, PCD, LAS, LAZ or E57"
-    )]
+    #[error("the file is empty; send a point cloud as {}", Format::all_in_words())]
     Empty,
     /// Something else than a point cloud.
     #[error("this is {what}, not a point cloud; {advice}")]

@@ -24,7 +24,7 @@ words! {
         Npy,
         /// Point Cloud Library: ASCII, binary, or compressed.
         Pcd,
-        /// ASPRS LAS, versions 1.0 to 1.4.
+        /// ASPRS LAS, versions 1.0 to 1.5.
         Las,
         /// LAS compressed by `LASzip`.
         Laz,
@@ -32,6 +32,19 @@ words! {
         E57,
     }
 }
+
+/// Extensions beside the names of formats.
+const OTHER_EXTENSIONS: [(&str, Format); 9] = [
+    ("txt", Format::Xyz),
+    ("pts", Format::Xyz),
+    ("asc", Format::Xyz),
+    ("ptx", Format::Xyz),
+    ("pwn", Format::Xyz),
+    ("npz", Format::Npy),
+    ("coff", Format::Off),
+    ("noff", Format::Off),
+    ("tsv", Format::Csv),
+];
 
 impl Format {
     /// The formats that [`write()`](crate::cloud::writer::write()) writes: all but the last.
@@ -73,13 +86,20 @@ impl Format {
     /// The format of a file with this extension (without the dot), in any case.
     #[must_use]
     pub fn from_extension(extension: &str) -> Option<Self> {
-        match extension.to_ascii_lowercase().as_str() {
-            "txt" | "pts" | "asc" | "ptx" | "pwn" => Some(Self::Xyz),
-            "npz" => Some(Self::Npy),
-            "coff" | "noff" => Some(Self::Off),
-            "tsv" => Some(Self::Csv),
-            name => Self::from_name(name),
-        }
+        let extension = extension.to_ascii_lowercase();
+        let other = OTHER_EXTENSIONS.into_iter().find(|(other, _)| *other == extension);
+        other.map(|(_, format)| format).or_else(|| Self::from_name(&extension))
+    }
+
+    /// All extensions of files that are read, without dots.
+    pub fn extensions() -> impl Iterator<Item = &'static str> {
+        Self::ALL.into_iter().map(Self::name).chain(OTHER_EXTENSIONS.into_iter().map(|(other, _)| other))
+    }
+
+    /// All formats that are read, in words.
+    pub(super) fn all_in_words() -> String {
+        let [others @ .., last] = Self::ALL.map(|format| format.to_string());
+        format!("{} or {last}", others.join(", "))
     }
 
     /// The format that a `Content-Type` names; parameters are ignored. `None` for the general types, such as
@@ -121,6 +141,7 @@ mod tests {
         }
         assert_eq!(Format::from_media_type("text/csv; charset=utf-8; header=present"), Some(Format::Csv));
         assert_eq!(Format::from_extension("pts"), Some(Format::Xyz));
+        assert!(Format::extensions().all(|extension| Format::from_extension(extension).is_some()));
     }
 
     #[test]

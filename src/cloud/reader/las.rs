@@ -3,6 +3,8 @@
 //! Points are decoded column by column, which keeps the record's doubles and integers as they are. Fields that are 0 in
 //! every point, as most are in most files, are left out; the frame of the file, header and records, is kept beside the
 //! points, so that the writer puts them back.
+//!
+//! Not by the crate `las`, which allocates what a header says and keeps no record byte for byte; `laz` only decompresses.
 
 mod file;
 mod laz;

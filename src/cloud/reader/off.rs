@@ -1,6 +1,6 @@
 //! OFF of Geomview: `OFF`, the counts of vertices, faces and edges, the vertices, the faces.
 //!
-//! Numbers are read one after another, however they are broken into lines. Beside `OFF`, the variants with texture
+//! Numbers are read one after another, however they are broken into lines. Besides `OFF`, the variants with texture
 //! coordinates (`STOFF`), colors (`COFF`) and normals (`NOFF`) are read; colors behind the coordinates are taken in plain
 //! `OFF` too, since many programs write them so. No crate reads binary OFF, or OFF with a limit on what it allocates.
 

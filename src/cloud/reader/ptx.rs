@@ -3,6 +3,8 @@
 //! A scan is: columns, rows, the scanner's position, its three axes, a 4 × 4 matrix by whose rows points are multiplied
 //! (`p' = p M`), then a point per cell: `x y z intensity`, or with `red green blue`. A cell without a return is `0 0 0`
 //! and becomes a row without position.
+//!
+//! Written here: no crate at hand reads it.
 
 use super::columns::{Column, Columns};
 use super::text::{Line, Lines, count_at, number_at, rows_at_most};

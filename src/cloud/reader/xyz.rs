@@ -3,6 +3,8 @@
 //! `#`, `//` and `%` begin comments. A line with a single whole number before the first row is the number of points; PTS
 //! files of several scans have one before each. Column names may stand in a line of their own or in a comment before
 //! the first row, as CloudCompare writes them (`//X Y Z Intensity`).
+//!
+//! Written here: no crate at hand reads what programs mean by XYZ within limits on memory, naming the line of an error.
 
 use super::{Format, ReadError, ReadOptions, colmap, ptx, table};
 use crate::cloud::PointCloud;

@@ -1,4 +1,4 @@
-//! Parametrised shapes: the unit square (cube for the 3-manifold) is mapped onto them.
+//! Parameterized shapes: the unit square (cube for the 3-manifold) is mapped onto them.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,7 +15,7 @@ pub(super) const CYLINDER_HALF: f64 = 1.0;
 /// 1 + 0.15 + 0.1.
 pub(super) const BUMPY_RADIUS_MAX: f64 = 1.25;
 
-/// A shape with a parametrisation.
+/// A shape with a parameterization.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Chart {
     Sphere,
@@ -54,7 +54,7 @@ pub(super) struct Placed {
 }
 
 impl Shape {
-    /// The shape's parametrisation; the two-hole torus has none here.
+    /// The shape's parameterization; the two-hole torus has none here.
     pub(super) fn chart(self, angle: f64) -> Option<Chart> {
         Some(match self {
             Self::Sphere => Chart::Sphere,

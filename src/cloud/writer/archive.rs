@@ -1,4 +1,4 @@
-//! NumPy archives in pieces: members are whole, but for the last, whose bytes others write as they come by them.
+//! NumPy archives in pieces: all members are complete except the last, which the caller streams.
 //!
 //! A zip archive of stored members (APPNOTE 6.3), always with the fields of 64 bits. The checksum of the last member
 //! stands behind it, so that the length of the archive is known before a byte of it is made.

@@ -1,7 +1,7 @@
 //! Convex cells around the origin of a tangent space, clipped by perpendicular bisectors: Voronoi cells in k = 1, 2
 //! or 3 dimensions.
 //!
-//! A corner of the cell between the facets of k neighbors is the circumcentre of the Delaunay simplex that they form
+//! A corner of the cell between the facets of k neighbors is the circumcenter of the Delaunay simplex that they form
 //! with the origin, so that cells carry the Delaunay triangulation with them.
 
 mod interval;

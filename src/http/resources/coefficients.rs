@@ -124,7 +124,7 @@ pub(crate) async fn of_posted(
     let tag = harmonics.job.id.simple().to_string();
     let checked = request.service.compute.run(move || {
         functions::check_finite(&given, &mass)?;
-        let told = Told { rows_without_result: rows_without_result(&mass), omitted: BTreeMap::new() };
+        let told = Accompanying { rows_without_result: rows_without_result(&mass), omitted: BTreeMap::new() };
         Ok::<_, Problem>((given, mass, told))
     });
     let (given, mass, told) = checked.await??;
@@ -133,13 +133,16 @@ pub(crate) async fn of_posted(
 }
 
 /// What accompanies coefficients.
-struct Told {
+struct Accompanying {
     rows_without_result: usize,
     omitted: BTreeMap<String, String>,
 }
 
 /// The coordinates and fields of a cloud, those left out that are not numbers in every row that takes part.
-fn own_functions(cloud: &PointCloud, mass: Vec<f64>) -> Result<(Vec<Function>, Vec<f64>, Told), Problem> {
+fn own_functions(
+    cloud: &PointCloud,
+    mass: Vec<f64>,
+) -> Result<(Vec<Function>, Vec<f64>, Accompanying), Problem> {
     let mut given = Target::Coordinates.functions(cloud, &mass)?;
     let mut omitted = BTreeMap::new();
     for place in 0..cloud.fields().len() {
@@ -150,7 +153,7 @@ fn own_functions(cloud: &PointCloud, mass: Vec<f64>) -> Result<(Vec<Function>, V
             }
         }
     }
-    let told = Told { rows_without_result: rows_without_result(&mass), omitted };
+    let told = Accompanying { rows_without_result: rows_without_result(&mass), omitted };
     Ok((given, mass, told))
 }
 
@@ -163,7 +166,7 @@ async fn answer(
     harmonics: Harmonics,
     given: Arc<Vec<Function>>,
     found: Vec<Transformed>,
-    told: Told,
+    told: Accompanying,
     tag: String,
 ) -> Result<Response, Problem> {
     let Harmonics { job, modes, bases, reservation } = harmonics;

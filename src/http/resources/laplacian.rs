@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 use crate::arguments::arguments;
 use crate::harmonics::Function;
-use crate::harmonics::functions::{represent, representatives};
+use crate::harmonics::functions::{carriers, copy_from_first};
 use crate::http::results::functions::{self, NumberLists};
 use crate::http::results::matrix;
 use crate::http::results::offered::offered;
@@ -81,11 +81,11 @@ pub(crate) async fn laplacian(
     let plan = request.plan(job.id.simple().to_string(), format!("laplacian-{}", job.id));
     let computed = request.service.compute.run(move || {
         functions::check_finite(&given, &mass)?;
-        let first = cloud.as_ref().and_then(|cloud| representatives(cloud, &mass));
+        let first = cloud.as_ref().and_then(|cloud| carriers(cloud, &mass));
         let apply = |function: &Function| {
             let mut values = matrix.laplacian_of(&mass, &function.values);
             if let Some(first) = &first {
-                represent(&mut values, first);
+                copy_from_first(&mut values, first);
             }
             values
         };

@@ -88,29 +88,20 @@ fn options(bytes: u64) -> FileOptions {
 mod tests {
     use super::*;
 
-    /// A path graph of two edges, weights 2 and 3, and an isolated row.
-    fn path() -> SparseMatrix {
-        SparseMatrix {
-            offsets: vec![0, 2, 5, 7, 7],
-            columns: vec![0, 1, 0, 1, 2, 1, 2],
-            values: vec![-2.0, 2.0, 2.0, -5.0, 3.0, 3.0, -3.0],
-        }
-    }
-
     #[test]
     fn the_archive_reads_back_as_the_matrix() {
-        let bytes = scipy_archive(&path(), &Wanted::default()).unwrap();
+        let bytes = scipy_archive(&SparseMatrix::path(), &Wanted::default()).unwrap();
         let mut archive = npyz::npz::NpzArchive::new(Cursor::new(bytes)).unwrap();
         let csr = npyz::sparse::Csr::<f64>::from_npz(&mut archive).unwrap();
         assert_eq!(csr.shape, [4, 4]);
-        assert_eq!(csr.data, path().values);
+        assert_eq!(csr.data, SparseMatrix::path().values);
         assert_eq!(csr.indices, [0, 1, 0, 1, 2, 1, 2]);
         assert_eq!(csr.indptr, [0, 2, 5, 7, 7]);
     }
 
     #[test]
     fn the_archive_holds_its_members_as_they_are_and_no_time() {
-        let bytes = scipy_archive(&path(), &Wanted::default()).unwrap();
+        let bytes = scipy_archive(&SparseMatrix::path(), &Wanted::default()).unwrap();
         let mut archive = npyz::zip::ZipArchive::new(Cursor::new(bytes)).unwrap();
         for index in 0..archive.len() {
             let member = archive.by_index(index).unwrap();

@@ -2,7 +2,7 @@
 
 use crate::progress::Canceled;
 
-/// Why there is no factor.
+/// An error of the factorization.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FactorError {

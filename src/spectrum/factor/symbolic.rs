@@ -24,7 +24,7 @@ pub struct Symbolic {
 }
 
 impl Symbolic {
-    /// Analyses the pattern of `matrix`, whose row `i` is at `position(i)`, in an elimination order by nested dissection.
+    /// Analyzes the pattern of `matrix`, whose row `i` is at `position(i)`, in an elimination order by nested dissection.
     ///
     /// # Errors
     /// As [`Self::analyze`].
@@ -40,7 +40,7 @@ impl Symbolic {
         Ok(symbolic)
     }
 
-    /// Analyses the pattern of `matrix` for an elimination order.
+    /// Analyzes the pattern of `matrix` for an elimination order.
     ///
     /// # Errors
     /// [`FactorError::Matrix`] when the matrix or its factor has more entries than can be indexed,

@@ -1,4 +1,4 @@
-//! Asks for the room that the database has, and makes its file shorter.
+//! Reads free space and shrinks the database file.
 
 use super::engine::Engine;
 use super::{Space, Store, StoreError, detached, sqlite};
