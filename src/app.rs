@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use tokio::net::TcpListener;
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
@@ -23,7 +24,7 @@ pub use key_file::{KeyEntry, KeyFile, KeyFileError};
 pub use moving::migrate;
 pub use secret::Secret;
 pub use settings::Settings;
-pub use values::{address, bytes};
+pub use values::{address, bytes, threads};
 
 use crate::http::{self, Hosts, Keys, KeysError, Pools, Service};
 use crate::jobs::{Analyze, Compute, ComputeError, Jobs, JobsSettings, Urgency, default_analysis};
@@ -238,19 +239,16 @@ fn unusable_database(settings: &Settings, cause: StoreError) -> StartError {
     StartError::Database { address: settings.database.clone(), cause }
 }
 
-/// Returns at the first SIGTERM or Ctrl-C.
+/// Returns at the first SIGTERM or Ctrl-C, with the number of the signal.
 ///
 /// # Errors
 /// The system's, when signals cannot be listened to.
-pub async fn told_to_stop() -> std::io::Result<()> {
-    #[cfg(unix)]
-    {
-        let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
-        tokio::select! {
-            _ = terminate.recv() => Ok(()),
-            interrupted = tokio::signal::ctrl_c() => interrupted,
-        }
+pub async fn told_to_stop() -> std::io::Result<i32> {
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    Ok(tokio::select! {
+        _ = terminate.recv() => SignalKind::terminate(),
+        _ = interrupt.recv() => SignalKind::interrupt(),
     }
-    #[cfg(not(unix))]
-    tokio::signal::ctrl_c().await
+    .as_raw_value())
 }

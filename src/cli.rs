@@ -135,7 +135,6 @@ pub fn main() -> ExitCode {
 }
 
 /// Runs the command that `arguments` name, the program's name first; gives the exit code.
-#[allow(clippy::print_stderr)] // errors of commands go there
 #[must_use]
 pub fn run(arguments: Vec<OsString>) -> u8 {
     let cli = match usage::read(arguments) {
@@ -148,7 +147,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
         Command::Backup(args) => backup::run(&args),
         Command::Migrate(args) => migrate::run(&args),
         Command::Compact(args) => compact::run(&args),
-        Command::Demo(args) => block_on(demo::run(args)),
+        Command::Demo(args) => run_on_runtime(demo::run(args)),
         Command::View(args) => run_on_runtime(view::run(args)),
         Command::Analyze(args) => analyze::run(&args),
         Command::Filter(args) => harmonics::filter(&args),
@@ -170,7 +169,7 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
         Err(failure) => {
             // A reader that closed its end of a pipe has seen enough.
             if !matches!(failure, Failure::Signal(SIGPIPE)) {
-                eprintln!("chladni: error: {failure}");
+                reporting::note(format_args!("chladni: error: {failure}"));
             }
             if let Failure::Signal(signal) = failure {
                 interrupt::die_of(signal);

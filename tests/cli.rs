@@ -98,6 +98,11 @@ fn the_same_seed_gives_the_same_file() {
 #[case("analyze line.xyz -k 2 -o out", "")]
 #[case("analyze good.xyz -k 0 -o out", "bases")]
 #[case("analyze good.xyz --t 1 --t-factor 1 -o out", "t_factor")]
+#[case("analyze good.xyz --threads 99999999 -o out", "expected a whole number from 0 to 1024")]
+#[case("serve --threads 99999999", "expected a whole number from 0 to 1024")]
+#[case("serve --stored-bytes-max-per-key 1X", "not a size")]
+#[case("sample sphere -o no/folder/x.ply", "no/folder/x.ply: there is no folder no/folder")]
+#[case("view missing.ply --listen nowhere", "not an address")]
 #[case("health ftp://x", "http://HOST:PORT/livez is one")]
 fn what_the_caller_can_mend_is_told_in_one_line_with_exit_code_2(
     #[case] arguments: &str,
@@ -685,4 +690,41 @@ fn what_is_for_files_or_for_servers_only_says_so() {
     );
     fs::write(folder.path().join("x.db"), "").unwrap();
     refused("migrate --from x.db --to y.db", 2, "is a file");
+}
+
+/// A reader that has seen enough, and a disk that is full.
+#[test]
+fn output_that_cannot_be_written_breaks_nothing() {
+    let folder = tempdir().unwrap();
+    succeeded(&chladni(&folder, "sample sphere --points 500 -o a.ply"));
+    let full = || fs::File::options().write(true).open("/dev/full").unwrap();
+    let to_full =
+        |arguments: &str| command(&folder, arguments).stdout(full()).stderr(full()).status().unwrap();
+    assert!(to_full("analyze a.ply -k 8 -o out").success(), "what it says of its work is not its result");
+    assert!(names(&folder.path().join("out")).contains(&"bases.npy".to_owned()));
+    let (code, line) = failed(&command(&folder, "keys add lab").stdout(full()).output().unwrap());
+    assert_eq!((code, line.contains("standard output")), (1, true), "{line}");
+    assert!(!folder.path().join("keys").exists(), "a key that nobody has seen is valid");
+    assert_eq!(to_full("keys list").code(), Some(0), "there is nothing to list");
+    assert_eq!(to_full("health http://127.0.0.1:1/livez").code(), Some(1));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_demo_that_serves_dies_of_the_signal_that_ends_it() {
+    use std::os::unix::process::ExitStatusExt;
+    let folder = tempdir().unwrap();
+    let mut child = Command::new("env")
+        .args(["--default-signal", env!("CARGO_BIN_EXE_chladni"), "demo", "--listen", "127.0.0.1:0"])
+        .args(["--points", "300", "--bases", "4"])
+        .current_dir(folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.starts_with("Serving on")));
+    assert!(Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status().unwrap().success());
+    let rest: Vec<String> = lines.collect();
+    assert_eq!((child.wait().unwrap().signal(), rest), (Some(2), Vec::new()), "shells stop a loop then");
 }

@@ -9,7 +9,7 @@ use axum::http::HeaderValue;
 use super::listener::{Connections, Patience};
 use super::machine;
 use super::secret::Secret;
-use super::values::{address, bytes, host, origin};
+use super::values::{address, bytes, host, origin, threads};
 use crate::cloud::reader;
 use crate::http::Limits;
 use crate::jobs::{JobsSettings, Retention};
@@ -44,11 +44,11 @@ pub struct Settings {
     pub no_listen: bool,
 
     /// Threads that compute, 0 for one per processor.
-    #[arg(long, env = "CHLADNI_THREADS", value_name = "N", default_value_t = Self::default().threads)]
+    #[arg(long, env = "CHLADNI_THREADS", value_name = "N", value_parser = threads, default_value_t = Self::default().threads)]
     pub threads: usize,
 
     /// Jobs that run at the same time; 0 for a node that only answers, beside others on one PostgreSQL database.
-    #[arg(long, visible_alias = "workers", env = "CHLADNI_JOBS_AT_ONCE", value_name = "N", default_value_t = Self::default().jobs_at_once)]
+    #[arg(long, visible_alias = "workers", env = "CHLADNI_JOBS_AT_ONCE", value_name = "N", value_parser = threads, default_value_t = Self::default().jobs_at_once)]
     pub jobs_at_once: usize,
 
     /// Bytes of memory that the analyses running at one time may be estimated to take together; 0 for half of what the
@@ -98,21 +98,20 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_BASES_MAX", value_name = "N", default_value_t = Self::default().bases_max)]
     pub bases_max: usize,
 
-    /// Jobs that wait, at most.
+    /// Jobs that wait, at most. When as many do, a key that has fewer than its share among them can still queue jobs.
     #[arg(long, env = "CHLADNI_QUEUE_MAX", value_name = "N", default_value_t = Self::default().queue_max)]
     pub queue_max: u64,
 
-    /// Jobs of one key that wait, at most; 0 for as many as may wait in all. A key of which nothing waits can always queue
-    /// one job.
+    /// Jobs of one key that wait, at most; 0 for as many as may wait in all.
     #[arg(long, env = "CHLADNI_QUEUE_MAX_PER_KEY", value_name = "N", default_value_t = Self::default().queue_max_per_key)]
     pub queue_max_per_key: u64,
 
     /// Bytes that the clouds and results of one key may take, at most; 0 for no limit.
-    #[arg(long, env = "CHLADNI_STORED_BYTES_MAX_PER_KEY", value_name = "BYTES", default_value_t = Self::default().stored_bytes_max_per_key)]
+    #[arg(long, env = "CHLADNI_STORED_BYTES_MAX_PER_KEY", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().stored_bytes_max_per_key)]
     pub stored_bytes_max_per_key: u64,
 
     /// Bytes beyond which the database file does not grow, at least 1 MiB; 0 for as many as the disk has.
-    #[arg(long, env = "CHLADNI_DATABASE_BYTES_MAX", value_name = "BYTES", default_value_t = Self::default().database_bytes_max)]
+    #[arg(long, env = "CHLADNI_DATABASE_BYTES_MAX", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().database_bytes_max)]
     pub database_bytes_max: u64,
 
     /// Seconds that one attempt at a job may take.
@@ -133,7 +132,7 @@ pub struct Settings {
 
     /// Bytes per second that the body of a request brings at least, on average over the seconds of `--stall-seconds`; 0 for
     /// none. Slower connections are dropped.
-    #[arg(long, env = "CHLADNI_BODY_RATE_MIN", value_name = "BYTES", default_value_t = Self::default().body_rate_min)]
+    #[arg(long, env = "CHLADNI_BODY_RATE_MIN", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().body_rate_min)]
     pub body_rate_min: u64,
 
     /// Seconds without progress in sending a body or reading an answer before the connection is dropped.

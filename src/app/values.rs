@@ -6,6 +6,9 @@ use std::str::FromStr;
 use axum::http::{HeaderValue, Uri};
 use bytesize::ByteSize;
 
+/// More than any machine has use for; each takes memory.
+const THREADS_MAX: usize = 1024;
+
 /// An address to listen on: `127.0.0.1:8080`, `[::1]:8080`, `localhost:8080`; a port alone, `8080` or `:8080`, is one of
 /// loopback.
 ///
@@ -38,6 +41,18 @@ pub fn bytes(text: &str) -> Result<u64, String> {
     let refuse = || "not a size; 1073741824, 500MB, 8G and 1GiB are".to_owned();
     let size = ByteSize::from_str(text.trim()).map_err(|_| refuse())?;
     Ok(size.as_u64())
+}
+
+/// A number of threads or of jobs at one time, 0 to 1,024.
+///
+/// # Errors
+/// What is wrong with it, in words.
+pub fn threads(text: &str) -> Result<usize, String> {
+    text.trim()
+        .parse()
+        .ok()
+        .filter(|count| *count <= THREADS_MAX)
+        .ok_or_else(|| format!("expected a whole number from 0 to {THREADS_MAX}"))
 }
 
 /// An origin as browsers send it: scheme, host and port, without a path; or `*`.

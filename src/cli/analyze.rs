@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use chladni::analysis::{AnalysisError, Examined, JobKind, Parameters, Task};
-use chladni::app::{Settings, bytes};
+use chladni::app::{Settings, bytes, threads};
 use chladni::cloud::reader::{Format, read_columns};
 
 use super::flags::Flags;
@@ -42,7 +42,7 @@ pub(crate) struct AnalyzeArgs {
     reading: CloudArgs,
 
     /// Threads that compute, 0 for one per processor
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", value_parser = threads, default_value_t = 0)]
     threads: usize,
 
     /// Bytes of memory that the analysis may be estimated to take, 0 for half of what there is; larger clouds are

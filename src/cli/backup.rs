@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use chladni::app::backup;
+use serde_json::json;
 
 use super::database::DatabaseArgs;
+use super::reporting::Reporting;
 use super::{Failure, block_on};
 
 /// Copy the database into a new file, as of one moment, while the service goes on.
@@ -15,13 +17,15 @@ pub(crate) struct BackupArgs {
 
     #[command(flatten)]
     database: DatabaseArgs,
+
+    #[command(flatten)]
+    reporting: Reporting,
 }
 
 /// Writes the copy.
 ///
 /// # Errors
 /// [`Failure`]: nothing to copy, a file that is there already, or a full disk.
-#[allow(clippy::print_stdout)] // tells what was done
 pub(crate) fn run(args: &BackupArgs) -> Result<(), Failure> {
     let database =
         args.database.file("a PostgreSQL database is copied by its own tools: pg_dump --format=custom")?;
@@ -30,6 +34,6 @@ pub(crate) fn run(args: &BackupArgs) -> Result<(), Failure> {
     }
     block_on(backup(database, &args.copy))?;
     let bytes = std::fs::metadata(&args.copy).map_err(Failure::other)?.len();
-    println!("{}: {bytes} bytes", args.copy.display());
+    args.reporting.wrote(&args.copy, &format!("{bytes} bytes"), json!({ "bytes": bytes }));
     Ok(())
 }

@@ -1,7 +1,5 @@
 //! `chladni demo`: a synthetic scan through the whole service, over HTTP, in a directory of its own.
 
-#![allow(clippy::print_stderr)] // progress is shown there
-
 mod report;
 
 use std::net::{Ipv4Addr, SocketAddr};
@@ -17,7 +15,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use super::Failure;
 use super::client::{Client, ClientError};
+use super::interrupt::die_of;
+use super::reporting::{note, print};
 
 /// Seconds of each `?wait=`: how often the progress bar moves.
 const LOOK_SECONDS: u64 = 1;
@@ -81,34 +82,37 @@ pub(crate) enum DemoError {
 /// Runs the demo.
 ///
 /// # Errors
-/// [`DemoError`].
-pub(crate) async fn run(args: DemoArgs) -> Result<(), DemoError> {
+/// [`Failure`]: a [`DemoError`].
+pub(crate) async fn run(args: DemoArgs) -> Result<(), Failure> {
     let temporary = match &args.directory {
         Some(given) => {
-            std::fs::create_dir_all(given)?;
+            std::fs::create_dir_all(given).map_err(Failure::other)?;
             None
         }
-        None => Some(tempfile::Builder::new().prefix("chladni-demo-").tempdir()?),
+        None => Some(tempfile::Builder::new().prefix("chladni-demo-").tempdir().map_err(Failure::other)?),
     };
     let directory =
         args.directory.as_deref().or(temporary.as_ref().map(TempDir::path)).unwrap_or(Path::new("."));
-    let app = start(&args, directory).await?;
+    let app = start(&args, directory).await.map_err(Failure::other)?;
     let outcome = tokio::select! {
-        shown = show_and_stay(&app, &args) => shown,
-        told = told_to_stop() => told.map_err(DemoError::from),
+        shown = show_and_stay(&app, &args) => shown.map(|()| None),
+        told = told_to_stop() => told.map(Some).map_err(Failure::other),
     };
     app.shutdown().await;
     if let Some(Err(error)) = temporary.map(TempDir::close) {
         tracing::warn!(%error, "cannot remove the temporary directory");
     }
-    outcome
+    if let Some(signal) = outcome? {
+        die_of(signal);
+    }
+    Ok(())
 }
 
 /// Shows everything, then waits forever unless the demo is to exit.
-async fn show_and_stay(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
-    show(app, args).await?;
+async fn show_and_stay(app: &App, args: &DemoArgs) -> Result<(), Failure> {
+    print(show(app, args).await.map_err(Failure::other)?)?;
     if !args.exit {
-        eprintln!("\nServing on http://{}; Ctrl-C ends it.", app.address());
+        note(format_args!("\nServing on http://{}; Ctrl-C ends it.", app.address()));
         std::future::pending::<()>().await;
     }
     Ok(())
@@ -122,24 +126,25 @@ async fn start(args: &DemoArgs, directory: &Path) -> Result<App, StartError> {
     };
     match App::start(settings.clone()).await {
         Err(StartError::Listen { cause, .. }) if cause.kind() == std::io::ErrorKind::AddrInUse => {
-            eprintln!("{} is taken; using a free port.", args.listen);
+            note(format_args!("{} is taken; using a free port.", args.listen));
             App::start(Settings { listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), ..settings }).await
         }
         started => started,
     }
 }
 
-async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
+/// Sends a scan through the service; what comes of it, as text.
+async fn show(app: &App, args: &DemoArgs) -> Result<String, DemoError> {
     let cloud = scan(args.points)?;
     let mut file = Vec::new();
     write(&cloud, Format::Ply, &mut file)?;
     let served = app.address();
-    eprintln!(
+    note(format_args!(
         "The scan: a torus with two holes, tenfold denser at one end than at the other, with noise; {} points, {} KB of PLY.",
         cloud.len(),
         file.len() >> 10
-    );
-    eprintln!("PUT http://{served}/clouds?bases={}", args.bases);
+    ));
+    note(format_args!("PUT http://{served}/clouds?bases={}", args.bases));
     let mut client = Client::connect(&served.to_string()).await?;
     let path = format!("/clouds?bases={}", args.bases);
     let accepted = client.send(Method::PUT, &path, Some("application/x-ply"), file).await?;
@@ -149,13 +154,8 @@ async fn show(app: &App, args: &DemoArgs) -> Result<(), DemoError> {
     let job = follow(&mut client, &id).await?;
     let spectrum = client.json(&format!("/jobs/{id}/spectrum")).await?;
     let orthogonality = report::orthogonality(&mut client, &id, cloud.len(), args.bases).await?;
-    report::print(&job, &spectrum, orthogonality);
-    if args.exit {
-        report::print_how_to_serve();
-    } else {
-        report::print_next(app.address(), &job);
-    }
-    Ok(())
+    let next = if args.exit { report::how_to_serve() } else { report::next(app.address(), &job) };
+    Ok(report::text(&job, &spectrum, orthogonality) + &next)
 }
 
 /// Noisy and unevenly sampled, as scans are.

@@ -6,6 +6,7 @@ use chladni::app::{KeyFile, KeyFileError};
 use serde_json::json;
 
 use super::Failure;
+use super::reporting::{note, print};
 
 /// Keep the file of API keys: add, list, rotate, revoke.
 #[derive(Debug, clap::Args)]
@@ -48,49 +49,38 @@ enum Action {
 }
 
 /// Edits the file.
-#[allow(clippy::print_stdout, clippy::print_stderr)] // keys and lists are the output, hints go to stderr
 pub(crate) fn run(args: &KeysArgs) -> Result<(), Failure> {
     let mut file = KeyFile::open(&args.api_keys).map_err(failure)?;
     match &args.action {
         Action::List { json } => {
-            list(&file, *json);
-            return Ok(());
+            return list(&file, *json);
         }
-        Action::Add { name } => println!("{}", saved(&mut file, |file| file.add(name))?),
-        Action::Rotate { name } => println!("{}", saved(&mut file, |file| file.rotate(name))?),
+        // A key that was not seen must not be valid: it is printed before the file is written.
+        Action::Add { name } => print(file.add(name).map_err(failure)?)?,
+        Action::Rotate { name } => print(file.rotate(name).map_err(failure)?)?,
         Action::Revoke { which, older } => {
-            let count = saved(&mut file, |file| file.revoke(which, *older))?;
-            eprintln!("{count} {} revoked", if count == 1 { "key" } else { "keys" });
+            let count = file.revoke(which, *older).map_err(failure)?;
+            note(format_args!("{count} {} revoked", if count == 1 { "key" } else { "keys" }));
         }
     }
-    eprintln!("a running service reads the file again at SIGHUP: kill -HUP PID, or systemctl reload chladni");
+    file.save().map_err(failure)?;
+    note("a running service reads the file again at SIGHUP: kill -HUP PID, or systemctl reload chladni");
     Ok(())
 }
 
-/// What an edit gives, once the file is written.
-fn saved<T>(
-    file: &mut KeyFile,
-    edit: impl FnOnce(&mut KeyFile) -> Result<T, KeyFileError>,
-) -> Result<T, Failure> {
-    let given = edit(file).map_err(failure)?;
-    file.save().map_err(failure)?;
-    Ok(given)
-}
-
-#[allow(clippy::print_stdout)] // the list is the output
-fn list(file: &KeyFile, as_json: bool) {
+fn list(file: &KeyFile, as_json: bool) -> Result<(), Failure> {
     let entries = file.entries();
     if as_json {
         let list: Vec<_> = entries
             .iter()
             .map(|entry| json!({ "name": entry.name, "fingerprint": entry.fingerprint }))
             .collect();
-        println!("{}", json!(list));
-        return;
+        return print(json!(list));
     }
     for entry in entries {
-        println!("{}  {}", entry.fingerprint, entry.name.as_deref().unwrap_or("(no name)"));
+        print(format_args!("{}  {}", entry.fingerprint, entry.name.as_deref().unwrap_or("(no name)")))?;
     }
+    Ok(())
 }
 
 fn failure(error: KeyFileError) -> Failure {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use chladni::app::{DatabaseAddress, Moved, migrate};
 
+use super::reporting::print;
 use super::{Failure, run_on_runtime};
 
 /// Copy clouds, jobs and results from an SQLite file into an empty PostgreSQL database, and check their digests. No service
@@ -24,7 +25,6 @@ pub(crate) struct MigrateArgs {
 ///
 /// # Errors
 /// [`Failure`]: nothing to copy, a target that is not PostgreSQL; one that is not empty, a service that runs, damage.
-#[allow(clippy::print_stdout)] // tells what was done
 pub(crate) fn run(args: &MigrateArgs) -> Result<(), Failure> {
     if !args.from.is_file() {
         return Err(Failure::Input(format!("there is no database at {}", args.from.display())));
@@ -38,9 +38,9 @@ pub(crate) fn run(args: &MigrateArgs) -> Result<(), Failure> {
     run_on_runtime(async {
         let moved = migrate(&args.from, &args.to, report).await.map_err(Failure::other)?;
         let Moved { clouds, jobs, found } = moved;
-        println!("{}: {clouds} clouds and {jobs} jobs, every digest checked", args.to);
+        print(format_args!("{}: {clouds} clouds and {jobs} jobs, every digest checked", args.to))?;
         if found > 0 {
-            println!("{found} of them had been copied before");
+            print(format_args!("{found} of them had been copied before"))?;
         }
         Ok(())
     })

@@ -46,14 +46,19 @@ pub(super) fn is_standard(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
+/// Why standard output could not be written.
+pub(super) fn not_printed(error: &io::Error) -> Failure {
+    match error.kind() {
+        io::ErrorKind::BrokenPipe => Failure::Signal(SIGPIPE),
+        _ => Failure::Other(format!("standard output: {error}")),
+    }
+}
+
 /// Writes a file beside its place, then moves it there; `-` is standard output.
 pub(super) fn write_file(path: &Path, write: impl FnOnce(&mut Out) -> io::Result<()>) -> Result<(), Failure> {
     if is_standard(path) {
         let mut out = Out::Standard(BufWriter::with_capacity(BUFFER_BYTES, io::stdout()));
-        return write(&mut out).and_then(|()| out.flush()).map_err(|error| match error.kind() {
-            io::ErrorKind::BrokenPipe => Failure::Signal(SIGPIPE),
-            _ => Failure::Other(format!("standard output: {error}")),
-        });
+        return write(&mut out).and_then(|()| out.flush()).map_err(|error| not_printed(&error));
     }
     let prefix = hidden(path)?;
     let written = || {
@@ -150,6 +155,15 @@ fn folder(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// The error by the path that the caller knows, not by the hidden one.
 fn named(path: &Path, error: &io::Error) -> Failure {
+    let folder = folder(path);
+    if error.kind() == io::ErrorKind::NotFound && !folder.exists() {
+        return Failure::Input(format!("{}: there is no folder {}", path.display(), folder.display()));
+    }
+    // A library names the hidden path beside what the system says.
+    let error = error
+        .raw_os_error()
+        .map_or_else(|| error.to_string(), |code| io::Error::from_raw_os_error(code).to_string());
     Failure::Other(format!("{}: {error}", path.display()))
 }

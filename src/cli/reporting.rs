@@ -5,7 +5,22 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::output::is_standard;
+use super::Failure;
+use super::output::{is_standard, not_printed};
+
+/// Prints a command's own output.
+///
+/// # Errors
+/// [`Failure`]: the reader closed its end of a pipe, a full disk.
+pub(super) fn print(text: impl std::fmt::Display) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{text}").and_then(|()| out.flush()).map_err(|error| not_printed(&error))
+}
+
+/// Tells something beside the output. Whoever closed standard error does not want to read it.
+pub(super) fn note(text: impl std::fmt::Display) {
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}
 
 /// How commands report.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -48,14 +63,14 @@ impl Reporting {
     pub(super) fn warn(self, warnings: &[String]) {
         if !self.json {
             for warning in warnings {
-                let _ = writeln!(io::stderr().lock(), "chladni: warning: {warning}");
+                note(format_args!("chladni: warning: {warning}"));
             }
         }
     }
 
     fn aside(self, text: &str) {
         if !self.quiet {
-            let _ = writeln!(io::stderr().lock(), "{text}");
+            note(text);
         }
     }
 }

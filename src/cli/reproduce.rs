@@ -18,6 +18,7 @@ use std::time::Instant;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use self::table::{Table, report};
+use super::reporting::print;
 use super::{Failure, output};
 
 /// Reproduce the tables and figures of the papers and compare.
@@ -90,7 +91,6 @@ fn names() -> impl TypedValueParser<Value = &'static Experiment> {
 }
 
 /// Runs the experiments, prints each as it ends; fails when a figure is outside its bound.
-#[allow(clippy::print_stdout)] // the report is the command's output
 pub(crate) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
     let extent = if args.full { Extent::Full } else { Extent::Quick };
     let wanted: Vec<&Experiment> =
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &ReproduceArgs) -> Result<(), Failure> {
         let mut table =
             (experiment.run)(extent).unwrap_or_else(|failure| Table::missing(experiment.name, &failure));
         table.finish(experiment.name, began.elapsed().as_secs_f64());
-        println!("{}", table.markdown());
+        print(table.markdown())?;
         tables.push(table);
         // after each: an hour's figures are not lost with the last table
         if let Some(path) = &args.output {

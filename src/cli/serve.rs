@@ -6,6 +6,7 @@ use chladni::app::{App, Settings, StartError, told_to_stop};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
 use super::environment;
+use super::reporting::print;
 
 /// Serve the HTTP interface.
 #[derive(Debug, clap::Args)]
@@ -57,7 +58,6 @@ fn log_to_stderr(format: LogFormat) {
 ///
 /// # Errors
 /// [`ServeError`].
-#[allow(clippy::print_stdout)] // the address is the command's output
 pub(crate) async fn run(args: ServeArgs) -> Result<(), ServeError> {
     log_to_stderr(args.log_format);
     // Before anything else: by default a process ends at this signal.
@@ -65,24 +65,32 @@ pub(crate) async fn run(args: ServeArgs) -> Result<(), ServeError> {
     let app = App::start(args.settings).await?;
     let address = app.address();
     if app.listens() {
-        println!(
+        say(&format!(
             "chladni serves http://{address}   try: curl -T scan.ply 'http://{address}/clouds?bases=50'"
-        );
+        ));
     } else {
-        println!("chladni computes for the nodes that listen");
+        say("chladni computes for the nodes that listen");
     }
     let told = tokio::select! {
         told = told_to_stop() => told,
-        () = reread_keys(&app, &mut hangups) => Ok(()),
+        never = reread_keys(&app, &mut hangups) => never,
     };
     app.shutdown().await;
-    Ok(told?)
+    told?;
+    Ok(())
+}
+
+/// The service goes on where nobody reads what it prints.
+fn say(line: &str) {
+    if let Err(error) = print(line) {
+        tracing::warn!(%error, line, "standard output takes nothing");
+    }
 }
 
 /// Reads the keys again at every signal; never returns.
-async fn reread_keys(app: &App, hangups: &mut Signal) {
+async fn reread_keys<N>(app: &App, hangups: &mut Signal) -> N {
     while hangups.recv().await.is_some() {
         app.reread_keys().await;
     }
-    std::future::pending::<()>().await;
+    std::future::pending().await
 }

@@ -1,18 +1,18 @@
 //! `chladni view`: a scan in the browser, with a service of its own.
 
-#![allow(clippy::print_stdout)] // the address is the command's output
-
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use chladni::app::{App, DatabaseAddress, Settings, told_to_stop};
+use chladni::app::{App, DatabaseAddress, Settings, address, told_to_stop};
 use hyper::{Method, StatusCode};
 use serde_json::Value;
 use tempfile::TempDir;
 
 use super::Failure;
 use super::client::{Client, ClientError};
+use super::interrupt::die_of;
+use super::reporting::{note, print};
 
 /// Show a scan and its modes in a browser.
 ///
@@ -36,7 +36,7 @@ pub(crate) struct ViewArgs {
     directory: Option<PathBuf>,
 
     /// Address and port, of loopback; port 0 is any free one
-    #[arg(long, value_name = "ADDRESS", default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, 0)))]
+    #[arg(long, value_name = "ADDRESS", value_parser = address, default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, 0)))]
     listen: SocketAddr,
 
     /// Print the address and leave the browser alone
@@ -62,20 +62,24 @@ pub(crate) async fn run(args: ViewArgs) -> Result<(), Failure> {
     };
     let app = App::start(settings).await.map_err(Failure::other)?;
     let outcome = tokio::select! {
-        shown = show(&app, &args, file) => shown,
-        told = told_to_stop() => told.map_err(Failure::other),
+        shown = show(&app, &args, file) => shown.map(|()| None),
+        told = told_to_stop() => told.map(Some).map_err(Failure::other),
     };
     app.shutdown().await;
-    outcome
+    drop(temporary);
+    if let Some(signal) = outcome? {
+        die_of(signal);
+    }
+    Ok(())
 }
 
 /// Uploads, opens the page, and stays.
 async fn show(app: &App, args: &ViewArgs, file: Vec<u8>) -> Result<(), Failure> {
     let job = upload(app.address(), args, file).await?;
     let address = format!("http://{}/#job={job}", app.address());
-    println!("{address}");
+    print(&address)?;
     if !args.no_open && has_display() && !open(&address) {
-        println!("no browser could be started; open the address yourself");
+        note("no browser could be started; open the address yourself");
     }
     std::future::pending().await
 }

@@ -230,18 +230,19 @@ impl Store {
         Ok((job_with_id(connection, id).await?, true))
     }
 
-    /// Refuses what would make the queue, or the owner's part of it, longer than it may be. An owner of whom nothing waits
-    /// is let in even when others have filled the queue.
+    /// Refuses what would make the queue, or the owner's part of it, longer than it may be. An owner who has less than an
+    /// equal share of a full queue is let in, so that it may become up to twice as long.
     pub(super) async fn refuse_when_queue_full(
         &self,
         connection: &mut Connection,
         owner: &Owner,
     ) -> Result<(), StoreError> {
         let (limit, own_limit) = (self.settings.queue_max, self.settings.queue_max_per_owner);
-        let (queued, own): (i64, i64) = connection
+        let (queued, own, others): (i64, i64, i64) = connection
             .query(
                 "SELECT (SELECT count(*) FROM jobs WHERE state = 'queued'), \
-             (SELECT count(*) FROM jobs WHERE state = 'queued' AND owner = $1)",
+             (SELECT count(*) FROM jobs WHERE state = 'queued' AND owner = $1), \
+             (SELECT count(DISTINCT owner) FROM jobs WHERE state = 'queued' AND owner <> $1)",
             )
             .bind(owner.name())
             .fetch_one_as()
@@ -249,7 +250,8 @@ impl Store {
         if own as u64 >= own_limit {
             return Err(StoreError::OwnerQueueFull { limit: own_limit });
         }
-        if queued as u64 >= limit && (own > 0 || limit == 0) {
+        let share = limit.div_ceil(others as u64 + 1);
+        if queued as u64 >= limit && own as u64 >= share {
             return Err(StoreError::QueueFull { limit });
         }
         Ok(())

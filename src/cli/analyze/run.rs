@@ -12,6 +12,7 @@ use chladni::progress::{Phase, Progress};
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 
 use super::{Failure, of_analysis};
+use crate::cli::reporting::note;
 
 /// Factorization recurses along its elimination tree.
 const STACK_BYTES: usize = 16 << 20;
@@ -84,13 +85,12 @@ pub(super) fn with_progress(
     Ok(Ran { analysis, seconds: seconds(begun), progress: Arc::clone(progress) })
 }
 
-#[allow(clippy::print_stderr)] // progress goes there, results to stdout
 fn observed(begun: &Begun, quiet: bool) -> Progress {
     let begun = Arc::clone(begun);
     let announces = !quiet && !std::io::stderr().is_terminal();
     Progress::observed(move |phase| {
         if announces {
-            eprintln!("{}", phase.name());
+            note(phase.name());
         }
         begun.lock().unwrap_or_else(PoisonError::into_inner).push((phase, Instant::now()));
     })

@@ -14,14 +14,11 @@ const SHOWN: usize = 10;
 const DIGITS: i32 = 6;
 
 /// Prints counts, times, the first eigenvalues, warnings and files.
-#[allow(clippy::print_stderr)] // warnings go there when nothing else is said
 pub(super) fn print(ran: &Ran, files: &[PathBuf], reporting: Reporting) {
     if reporting.json {
         reporting.say(&object(ran, files).to_string());
     } else if reporting.quiet {
-        for warning in &ran.analysis.report.warnings {
-            eprintln!("chladni: warning: {warning}");
-        }
+        reporting.warn(&ran.analysis.report.warnings);
     } else {
         reporting.say(text(ran, files).trim_end());
     }

@@ -1,7 +1,6 @@
 //! What the demo prints: the spectrum, how far to trust it, and what to try next.
 
-#![allow(clippy::print_stdout)] // the printout is the command's output
-
+use std::fmt::{self, Write};
 use std::net::SocketAddr;
 
 use serde_json::Value;
@@ -52,70 +51,81 @@ fn diagonal(text: &str, rows: usize) -> Option<Vec<f64>> {
     Some(diagonal)
 }
 
-/// Prints what was found.
-pub(crate) fn print(job: &Value, spectrum: &Value, orthogonality: f64) {
-    print_spectrum(spectrum);
-    print_certificates(job, spectrum, orthogonality);
+/// What was found.
+pub(crate) fn text(job: &Value, spectrum: &Value, orthogonality: f64) -> String {
+    let mut text = String::new();
+    // Strings take everything.
+    let _ = write_spectrum(&mut text, spectrum);
+    let _ = write_certificates(&mut text, job, spectrum, orthogonality);
+    text
 }
 
-fn print_spectrum(spectrum: &Value) {
-    println!("\n    i      eigenvalue λ           raw μ    residual    wavelength 2π/√λ");
+fn write_spectrum(text: &mut String, spectrum: &Value) -> fmt::Result {
+    writeln!(text, "\n    i      eigenvalue λ           raw μ    residual    wavelength 2π/√λ")?;
     let number = |list: &str, i: usize| spectrum[list][i].as_f64().unwrap_or(f64::NAN);
     for i in 0..spectrum["eigenvalues"].as_array().map_or(0, Vec::len) {
         let (eigenvalue, raw) = (number("eigenvalues", i), number("raw_eigenvalues", i));
         let wavelength =
             if i == 0 { f64::INFINITY } else { std::f64::consts::TAU / eigenvalue.max(0.0).sqrt() };
-        println!("{i:5} {eigenvalue:17.9} {raw:15.9} {:11.1e} {wavelength:19.6}", number("residuals", i));
+        writeln!(
+            text,
+            "{i:5} {eigenvalue:17.9} {raw:15.9} {:11.1e} {wavelength:19.6}",
+            number("residuals", i)
+        )?;
     }
+    Ok(())
 }
 
-fn print_certificates(job: &Value, spectrum: &Value, orthogonality: f64) {
-    println!("\nHow far to trust it:");
-    println!(
+fn write_certificates(text: &mut String, job: &Value, spectrum: &Value, orthogonality: f64) -> fmt::Result {
+    writeln!(text, "\nHow far to trust it:")?;
+    writeln!(
+        text,
         "  bases are orthonormal up to {orthogonality:.1e} (largest entry of HᵀBH − I, from the bases as served)"
-    );
+    )?;
     let certificates = &spectrum["certificates"];
     if let Some(residual) = certificates["residual"].as_f64() {
-        println!("  eigenpairs hold up to {residual:.1e} (largest relative residual)");
+        writeln!(text, "  eigenpairs hold up to {residual:.1e} (largest relative residual)")?;
     }
     match certificates["missed"].as_u64() {
-        Some(0) => println!("  no eigenvalue was missed: all below the last one were counted"),
-        Some(missed) => println!("  {missed} eigenvalues were missed"),
-        None => println!("  whether an eigenvalue was missed could not be told"),
+        Some(0) => writeln!(text, "  no eigenvalue was missed: all below the last one were counted")?,
+        Some(missed) => writeln!(text, "  {missed} eigenvalues were missed")?,
+        None => writeln!(text, "  whether an eigenvalue was missed could not be told")?,
     }
-    println!("\nWhat it says of the shape:");
+    writeln!(text, "\nWhat it says of the shape:")?;
     if let Some(components) = spectrum["components"].as_u64() {
         let parts = if components == 1 { "it is in one piece" } else { "it is in pieces" };
-        println!("  {parts}: {components} of the eigenvalues are 0");
+        writeln!(text, "  {parts}: {components} of the eigenvalues are 0")?;
     }
     if let Some(area) = spectrum["area"]["cells"].as_f64() {
-        println!(
+        writeln!(
+            text,
             "  its area is {area:.4}, the sum of the cells around the points, in squared units of the cloud"
-        );
+        )?;
     }
     let clusters = spectrum["clusters"].as_array().map_or(0, Vec::len);
     if clusters > 0 {
-        println!(
+        writeln!(
+            text,
             "  {clusters} groups of eigenvalues coincide: within a group the bases may be turned, as symmetry allows"
-        );
+        )?;
     }
-    println!();
+    writeln!(text)?;
     if let Some(seconds) = job["phase_seconds"].as_object() {
         let phases =
             seconds.iter().map(|(phase, s)| format!("{phase} {:.2} s", s.as_f64().unwrap_or(f64::NAN)));
-        println!("Time: {}.", phases.collect::<Vec<_>>().join(", "));
+        writeln!(text, "Time: {}.", phases.collect::<Vec<_>>().join(", "))?;
     }
     for warning in job["warnings"].as_array().into_iter().flatten() {
-        println!("Warning: {}", warning.as_str().unwrap_or_default());
+        writeln!(text, "Warning: {}", warning.as_str().unwrap_or_default())?;
     }
+    Ok(())
 }
 
 /// What to ask the service that stays.
-pub(crate) fn print_next(address: SocketAddr, job: &Value) {
+pub(crate) fn next(address: SocketAddr, job: &Value) -> String {
     let (cloud, job) = (&job["cloud_id"], &job["id"]);
     let (cloud, job) = (cloud.as_str().unwrap_or_default(), job.as_str().unwrap_or_default());
-    println!("\nTry next:");
-    for line in [
+    let lines = [
         format!("curl http://{address}/jobs/{job}"),
         format!("curl http://{address}/jobs/{job}/spectrum.csv"),
         format!("curl -O http://{address}/jobs/{job}/bases.ply     # opens in CloudCompare and MeshLab"),
@@ -125,21 +135,18 @@ pub(crate) fn print_next(address: SocketAddr, job: &Value) {
         ),
         format!("curl -T your-scan.ply 'http://{address}/clouds?bases=50'"),
         format!("curl http://{address}/capabilities"),
-    ] {
-        println!("  {line}");
-    }
+    ];
+    format!("\nTry next:\n  {}", lines.join("\n  "))
 }
 
 /// How to do the same with a service of one's own: that of the demo ends now.
-pub(crate) fn print_how_to_serve() {
-    println!("\nTry next, with a service of your own:");
-    for line in [
+pub(crate) fn how_to_serve() -> String {
+    let lines = [
         "chladni serve                                                      # http://127.0.0.1:8080",
         "curl -T your-scan.ply 'http://127.0.0.1:8080/clouds?bases=50'      # answers with links to its job",
         "chladni analyze your-scan.ply -k 50 -o results                     # or without a service",
-    ] {
-        println!("  {line}");
-    }
+    ];
+    format!("\nTry next, with a service of your own:\n  {}", lines.join("\n  "))
 }
 
 #[cfg(test)]

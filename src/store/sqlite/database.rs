@@ -84,7 +84,7 @@ pub(super) fn private_file(path: &Path) -> std::io::Result<File> {
 }
 
 /// Says what the matter is where SQLite would say "code 14".
-fn unusable(path: &Path, error: &std::io::Error) -> StoreError {
+pub(super) fn unusable(path: &Path, error: &std::io::Error) -> StoreError {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     match folder {
         Some(folder) if !folder.exists() => {

@@ -1,43 +1,77 @@
-//! One process serves a database: it holds a lock on a file beside it, which the system takes back when the process ends,
-//! however it ends.
+//! One process serves a database: it holds a lock on the file, and one on a file beside it that names the process. The system
+//! takes both back when the process ends, however it ends.
 
 use std::fs::File;
 use std::io::{Read, Seek, Write};
+use std::os::fd::IntoRawFd;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
 
-use super::database::private_file;
+use super::database::{private_file, unusable};
 use crate::store::StoreError;
 
 /// The right to serve or rewrite a database, for as long as it lives.
 #[derive(Debug)]
 pub struct DatabaseLock {
     /// Closing it gives the lock back. The file stays: deleting it would let two processes lock two files of one name.
-    _file: File,
+    _beside: File,
+    _database: Held,
+}
+
+/// A lock on the database itself, whatever name it was reached by. SQLite's own locks are of another kind, which know nothing
+/// of this one.
+#[derive(Debug)]
+struct Held(Option<File>);
+
+impl Held {
+    /// `None` when another process holds it.
+    fn take(file: File) -> std::io::Result<Option<Self>> {
+        let held = Self(Some(file));
+        let Some(file) = &held.0 else { return Ok(None) };
+        match flock(file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(Some(held)),
+            Err(rustix::io::Errno::WOULDBLOCK) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+impl Drop for Held {
+    /// The file stays open: closing it would take back SQLite's locks on it in this process
+    /// (<https://www.sqlite.org/howtocorrupt.html>, section 2.2).
+    fn drop(&mut self) {
+        if let Some(file) = self.0.take() {
+            let _ = flock(&file, FlockOperation::Unlock);
+            let _ = file.into_raw_fd();
+        }
+    }
 }
 
 impl DatabaseLock {
     /// Takes the lock of the database at `path`, which need not exist yet.
     ///
     /// # Errors
-    /// [`StoreError::InUse`] when another process holds it; [`StoreError::Database`] when its file cannot be made.
+    /// [`StoreError::InUse`] when another process holds it; [`StoreError::Database`] when its files cannot be made.
     pub fn take(path: &Path) -> Result<Self, StoreError> {
+        let database = private_file(path).map_err(|error| unusable(path, &error))?;
         let name = lock_path(path);
-        let unusable = |error: std::io::Error| {
+        let unlockable = |error: std::io::Error| {
             StoreError::Database(format!("its lock, {}, cannot be used: {error}", name.display()))
         };
-        let mut file = private_file(&name).map_err(unusable)?;
+        let mut file = private_file(&name).map_err(unlockable)?;
         match flock(&file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => {}
             Err(rustix::io::Errno::WOULDBLOCK) => {
                 return Err(StoreError::InUse { holder: holder(&mut file) });
             }
-            Err(error) => return Err(unusable(error.into())),
+            Err(error) => return Err(unlockable(error.into())),
         }
-        file.set_len(0).map_err(unusable)?;
-        write!(file, "{}", std::process::id()).map_err(unusable)?;
-        Ok(Self { _file: file })
+        file.set_len(0).map_err(unlockable)?;
+        // Under another name, or with the file beside it deleted, somebody may serve it all the same.
+        let held = Held::take(database).map_err(unlockable)?.ok_or(StoreError::InUse { holder: None })?;
+        write!(file, "{}", std::process::id()).map_err(unlockable)?;
+        Ok(Self { _beside: file, _database: held })
     }
 }
 
@@ -80,8 +114,29 @@ mod tests {
     }
 
     #[test]
+    fn a_lock_is_of_the_file_whatever_it_is_reached_by() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = |name: &str| folder.path().join(name);
+        std::os::unix::fs::symlink(name("x.db"), name("dangling.db")).unwrap();
+        let lock = DatabaseLock::take(&name("dangling.db")).unwrap();
+        std::fs::hard_link(name("x.db"), name("hard.db")).unwrap();
+        for path in ["x.db", "hard.db", "dangling.db"] {
+            let refused = DatabaseLock::take(&name(path));
+            assert!(matches!(refused, Err(StoreError::InUse { .. })), "{path}: {refused:?}");
+        }
+        std::fs::remove_file(name("x.db.lock")).unwrap();
+        let refused = DatabaseLock::take(&name("x.db"));
+        assert!(matches!(refused, Err(StoreError::InUse { .. })), "{refused:?}");
+        drop(lock);
+        DatabaseLock::take(&name("hard.db")).unwrap();
+    }
+
+    #[test]
     fn a_folder_that_does_not_exist_has_no_lock() {
         let refused = DatabaseLock::take(Path::new("no/such/folder/x.db"));
-        assert!(matches!(refused, Err(StoreError::Database(_))), "{refused:?}");
+        assert!(
+            matches!(&refused, Err(StoreError::Database(why)) if why == "the folder no/such/folder does not exist"),
+            "{refused:?}"
+        );
     }
 }
