@@ -11,7 +11,7 @@ use super::machine;
 use super::secret::Secret;
 use super::values::{address, bytes, host, origin};
 use crate::cloud::reader;
-use crate::http::Limits;
+use crate::http::{self, Limits};
 use crate::jobs::{JobsSettings, Retention};
 use crate::store::{DatabaseAddress, NodeSettings, StoreSettings};
 
@@ -74,7 +74,7 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_MAX_DECODED", value_name = "BYTES", value_parser = bytes, default_value_t = Self::default().max_decoded)]
     pub max_decoded: u64,
 
-    /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
+    /// Largest ratio of decompressed to compressed size beyond the first megabyte.
     #[arg(long, env = "CHLADNI_RATIO_MAX", value_name = "N", default_value_t = Self::default().ratio_max)]
     pub ratio_max: u64,
 
@@ -137,7 +137,7 @@ pub struct Settings {
     #[arg(long, env = "CHLADNI_BODY_RATE_MIN", value_name = "BYTES", default_value_t = Self::default().body_rate_min)]
     pub body_rate_min: u64,
 
-    /// Seconds without a byte of a body, or of an answer taken, after which the client is given up.
+    /// Seconds without progress in sending a body or reading an answer before the connection is dropped.
     #[arg(long, env = "CHLADNI_STALL_SECONDS", value_name = "SECONDS", default_value_t = Self::default().stall_seconds)]
     pub stall_seconds: u64,
 
@@ -293,18 +293,24 @@ impl Settings {
     }
 
     pub(super) fn limits(&self) -> Limits {
+        let reader = reader::Limits::default();
         Limits {
             body_bytes: self.max_body,
             decoded_bytes: self.max_decoded,
             decoded_ratio_max: self.ratio_max,
-            body_time: Duration::from_secs(self.body_seconds),
-            body_rate_min: self.body_rate_min,
-            stall: self.stall(),
-            header_time: Duration::from_secs(self.header_seconds),
+            body_seconds: self.body_seconds,
+            body_rate_min_bytes: self.body_rate_min,
+            stall_seconds: self.stall_seconds,
+            header_seconds: self.header_seconds,
             connections_max: self.connections_max.max(1),
-            body_memory: self.body_memory(),
-            memory_budget: self.memory_budget(),
-            disk_floor: self.disk_floor,
+            body_memory_bytes: self.body_memory(),
+            points_max: self.points_max,
+            dimension_max: self.dimension_max.min(reader.dimension_max),
+            fields_max: self.fields_max,
+            faces_max: self.faces_max,
+            reader_memory_max: reader.memory_max,
+            memory_budget_bytes: self.memory_budget(),
+            disk_floor_bytes: self.disk_floor,
             jobs_at_once: self.jobs_at_once,
             keep_jobs_days: self.keep_jobs_days,
             keep_clouds_days: self.keep_clouds_days,
@@ -313,14 +319,10 @@ impl Settings {
             queue_max_per_key: some_unless_zero(self.queue_max_per_key),
             stored_bytes_max_per_key: some_unless_zero(self.stored_bytes_max_per_key),
             database_bytes_max: some_unless_zero(self.database_bytes_max),
-            job_time: Duration::from_secs(self.job_seconds),
-            reader: reader::Limits {
-                points_max: self.points_max,
-                fields_max: self.fields_max,
-                faces_max: self.faces_max,
-                dimension_max: self.dimension_max.min(reader::Limits::default().dimension_max),
-                ..reader::Limits::default()
-            },
+            job_seconds: self.job_seconds,
+            json_bytes: http::JSON_BYTES_MAX,
+            wait_seconds_max: http::WAIT_SECONDS_MAX,
+            page_max: http::PAGE_MAX as u64,
         }
     }
 }

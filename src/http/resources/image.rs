@@ -25,7 +25,7 @@ offered!(ReadImage: [PNG] by view, "A picture.");
 
 /// A picture of a basis.
 ///
-/// Zero is pale, the two signs are blue and orange, rows without a result are grey; which sign has which color is as
+/// Zero is pale, the two signs are blue and orange, rows without a result are gray; which sign has which color is as
 /// arbitrary as the sign of a basis. The colors end at the 99.5th percentile of the magnitudes.
 #[utoipa::path(
     get,
@@ -73,5 +73,5 @@ pub(crate) async fn image(
         let legend = Legend { title: &shown, unit: "1/length" };
         view::png_with(&cloud, &Paint::Diverging(&values), &[], &view, (&title, &legend))
     };
-    plan.send(reservation, service.compute.run(draw).await??)
+    plan.send(reservation, service.pools.answering.run(draw).await??)
 }
