@@ -51,14 +51,14 @@ struct Node {
     node: String,
 }
 
-/// What stands somewhere at the moment of asking.
+/// Gauge values, sampled when `/metrics` is scraped.
 #[derive(Debug, Clone, Default)]
 pub struct Gauges {
     /// Jobs by state.
     pub jobs: Vec<(&'static str, u64)>,
     /// Bytes that running jobs are estimated to take.
     pub job_memory: u64,
-    /// Bytes that bodies hold.
+    /// Bytes reserved for bodies and answers.
     pub body_memory: u64,
     /// Seconds since the submission of the job that has waited longest, 0 when none waits.
     pub oldest_queued_seconds: f64,
@@ -157,7 +157,7 @@ impl Metrics {
         registry.register_with_unit("job_phase", help, seconds(), self.phase_seconds.clone());
         let help = "Memory that running jobs are estimated to take";
         registry.register_with_unit("job_memory", help, bytes(), self.job_memory.clone());
-        let help = "Memory reserved for requests' bodies";
+        let help = "Memory reserved for request bodies and answers";
         registry.register_with_unit("body_memory", help, bytes(), self.body_memory.clone());
         let help = "Time since the submission of the job that has waited longest, the same on every node of the database";
         registry.register_with_unit("job_oldest_queued", help, seconds(), self.oldest_queued.clone());

@@ -602,6 +602,7 @@ fn keys_are_added_listed_rotated_and_revoked() {
 #[case("filter operator -o f.ply", "operator without bases")]
 #[case("features out --radius 0", "above 0")]
 #[case("distances out --from 500 -o d.npy", "0 to 499")]
+#[case("distances out --kind biharmonic --time 1 -o d.npy", "belongs to kind=diffusion")]
 #[case("synthesis out missing.npy -o s.npy", "missing.npy")]
 fn wrong_calls_on_results_are_told_in_one_line(#[case] arguments: &str, #[case] told: &str) {
     let folder = tempdir().unwrap();

@@ -28,7 +28,7 @@ use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
 use tower::ServiceExt;
 
-use crate::http::NoPlace;
+use crate::http::{NoPlace, PROBES};
 use places::{Place, Places};
 pub(crate) use turn::Patience;
 use turn::{Answering, Receiving, Watched};
@@ -41,8 +41,8 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 const ANSWER_PAUSE: Duration = Duration::from_millis(100);
 /// Failed accepts are logged once in this time.
 const COMPLAINT_PERIOD: Duration = Duration::from_mins(1);
-/// What is answered although all places for everybody are taken.
-const PROBES: [&str; 3] = ["/livez", "/readyz", "/metrics"];
+/// Answered although all places for everybody are taken, as the probes are.
+const METRICS: &str = "/metrics";
 
 /// Limits of connections.
 #[derive(Debug, Clone, Copy)]
@@ -162,7 +162,8 @@ fn answer(request: hyper::Request<Incoming>, router: Router, place: Arc<Place>) 
     let turn = place.turn.clone();
     let mut request: Request = request.map(|body| Body::new(Receiving { body, turn }));
     Box::pin(async move {
-        let waits = place.is_spare() && !PROBES.contains(&request.uri().path());
+        let path = request.uri().path();
+        let waits = place.is_spare() && path != METRICS && !PROBES.contains(&path);
         if waits && !place.wait_for_open().await {
             request.extensions_mut().insert(NoPlace);
         }

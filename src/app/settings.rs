@@ -11,7 +11,7 @@ use super::machine;
 use super::secret::Secret;
 use super::values::{address, bytes, host, origin, threads};
 use crate::cloud::reader;
-use crate::http::Limits;
+use crate::http::{self, Limits};
 use crate::jobs::{JobsSettings, Retention};
 use crate::store::{DatabaseAddress, NodeSettings, StoreSettings};
 
@@ -292,18 +292,24 @@ impl Settings {
     }
 
     pub(super) fn limits(&self) -> Limits {
+        let reader = reader::Limits::default();
         Limits {
             body_bytes: self.body_bytes_max,
             decoded_bytes: self.decoded_bytes_max,
             decoded_ratio_max: self.decoded_ratio_max,
-            body_time: Duration::from_secs(self.body_seconds),
-            body_rate_min: self.body_rate_min,
-            stall: self.stall(),
-            header_time: Duration::from_secs(self.header_seconds),
+            body_seconds: self.body_seconds,
+            body_rate_min_bytes: self.body_rate_min,
+            stall_seconds: self.stall_seconds,
+            header_seconds: self.header_seconds,
             connections_max: self.connections_max.max(1),
-            body_memory: self.body_memory(),
-            memory_budget: self.memory_budget(),
-            disk_floor: self.disk_floor,
+            body_memory_bytes: self.body_memory(),
+            points_max: self.points_max,
+            dimension_max: self.dimension_max.min(reader.dimension_max),
+            fields_max: self.fields_max,
+            faces_max: self.faces_max,
+            reader_memory_max: reader.memory_max,
+            memory_budget_bytes: self.memory_budget(),
+            disk_floor_bytes: self.disk_floor,
             jobs_at_once: self.jobs_at_once,
             keep_jobs_days: self.keep_jobs_days,
             keep_clouds_days: self.keep_clouds_days,
@@ -312,14 +318,10 @@ impl Settings {
             queue_max_per_key: some_unless_zero(self.queue_max_per_key),
             stored_bytes_max_per_key: some_unless_zero(self.stored_bytes_max_per_key),
             database_bytes_max: some_unless_zero(self.database_bytes_max),
-            job_time: Duration::from_secs(self.job_seconds),
-            reader: reader::Limits {
-                points_max: self.points_max,
-                fields_max: self.fields_max,
-                faces_max: self.faces_max,
-                dimension_max: self.dimension_max.min(reader::Limits::default().dimension_max),
-                ..reader::Limits::default()
-            },
+            job_seconds: self.job_seconds,
+            json_bytes: http::JSON_BYTES_MAX,
+            wait_seconds_max: http::WAIT_SECONDS_MAX,
+            page_max: http::PAGE_MAX as u64,
         }
     }
 }

@@ -29,6 +29,21 @@ arguments! {
     }
 }
 
+/// A time for a distance that has none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("`time` belongs to kind=diffusion")]
+pub struct UnusedTime;
+
+impl DistanceRequest {
+    /// Refuses a time for the biharmonic distance, which would ignore it.
+    ///
+    /// # Errors
+    /// [`UnusedTime`].
+    pub fn check(&self) -> Result<(), UnusedTime> {
+        if self.time.is_some() && self.kind == DistanceKind::Biharmonic { Err(UnusedTime) } else { Ok(()) }
+    }
+}
+
 /// A distance from one point.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

@@ -8,14 +8,20 @@ use utoipa::openapi::path::{Operation, Parameter};
 use utoipa::openapi::schema::{ObjectBuilder, SchemaFormat, Type};
 use utoipa::openapi::{Content, KnownFormat, OpenApi, RefOr, Schema};
 
+use super::resources::files::Named;
 use super::wire::accept::Offer;
 
-/// A result that has file names: the last part of its path, and the formats on offer.
-pub(super) type Named = (&'static str, &'static [Offer]);
-
-/// Completes a document: every format on offer, every file, and bytes as such.
-pub(super) fn complete(mut document: OpenApi, named: &[Named]) -> OpenApi {
-    for &(name, offers) in named {
+/// Completes a document: every format on offer, every file, and bytes as such. `unnamed` are paths whose answers have
+/// several formats and no files; of two methods, POST is meant.
+pub(super) fn complete(mut document: OpenApi, named: &[Named], unnamed: &[(&str, &[Offer])]) -> OpenApi {
+    for &(path, offers) in unnamed {
+        if let Some(item) = document.paths.paths.get_mut(path)
+            && let Some(operation) = item.post.as_mut().or(item.get.as_mut())
+        {
+            offer(operation, offers);
+        }
+    }
+    for &Named { name, offers, .. } in named {
         let path = format!("/jobs/{{id}}/{name}");
         let Some(item) = document.paths.paths.get_mut(&path) else { continue };
         let Some(operation) = &mut item.get else { continue };
@@ -64,12 +70,16 @@ fn text() -> RefOr<Schema> {
     RefOr::T(Schema::Object(ObjectBuilder::new().schema_type(Type::String).build()))
 }
 
-/// Adds the formats that an operation's whole answer does not list yet.
+/// Lists all formats of an operation's whole answer, of which handlers declare JSON alone.
 fn offer(operation: &mut Operation, offers: &[Offer]) {
     let Some(RefOr::T(whole)) = operation.responses.responses.get_mut("200") else { return };
+    let declared = std::mem::take(&mut whole.content);
     for media_type in offers.iter().map(Offer::media_type) {
-        let schema = if is_binary(media_type) { binary() } else { text() };
-        whole.content.entry(media_type.to_owned()).or_insert_with(|| RefOr::T(Content::new(Some(schema))));
+        let content = declared.get(media_type).cloned().unwrap_or_else(|| {
+            let schema = if is_binary(media_type) { binary() } else { text() };
+            RefOr::T(Content::new(Some(schema)))
+        });
+        whole.content.insert(media_type.to_owned(), content);
     }
 }
 

@@ -22,17 +22,21 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 pub use openapi::yaml;
+pub use paging::PAGE_MAX;
+pub use results::request::JSON_BYTES_MAX;
 pub use service::{Limits, Pools, Service};
-pub use wire::guard::{Hosts, NoPlace};
+pub use wait::WAIT_SECONDS_MAX;
+pub use wire::guard::{Hosts, NoPlace, PROBES};
 pub use wire::keys::{Keys, KeysError};
 pub use wire::problem::{Problem, ProblemDocument};
 
 use openapi::Description;
 use resources::{
     bases, capabilities, clouds, coefficients, distances, docs, events, features, files, filtered,
-    further_job, health, image, index, jobs, laplacian, metrics, operator, page, points, problems,
-    signatures, similarity, spectrum, submission,
+    further_job, health, image, index, jobs, laplacian, metrics, operator, points, problems, signatures,
+    similarity, spectrum, submission, viewer_page,
 };
+use results::offered::Resource;
 use service::Shared;
 use wire::paths::Paths;
 use wire::problem::Kind;
@@ -63,7 +67,7 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(spectrum::spectrum))
         .routes(routes!(operator::operator))
         .routes(routes!(laplacian::laplacian))
-        .routes(routes!(coefficients::coefficients, coefficients::of_posted))
+        .routes(routes!(coefficients::coefficients, coefficients::posted_coefficients))
         .routes(routes!(coefficients::synthesis))
         .routes(routes!(filtered::filtered, filtered::by_gains))
         .routes(routes!(features::features))
@@ -76,7 +80,13 @@ fn routes() -> OpenApiRouter<Shared> {
 /// The OpenAPI document of all routes.
 #[must_use]
 pub fn document() -> OpenApi {
-    examples::illustrate(generators::complete(routes().into_openapi(), &files::named()))
+    let unnamed = [
+        ("/clouds/{id}/points", points::ReadPoints::OFFERS),
+        ("/jobs/{id}/coefficients", coefficients::ReadCoefficients::OFFERS),
+        ("/jobs/{id}/laplacian", laplacian::ApplyLaplacian::OFFERS),
+        ("/jobs/{id}/synthesis", coefficients::Synthesize::OFFERS),
+    ];
+    examples::illustrate(generators::complete(routes().into_openapi(), &files::NAMED, &unnamed))
 }
 
 /// Made once, when it is first asked for: it takes milliseconds.
@@ -93,11 +103,11 @@ pub fn router(service: Service) -> Router {
     router
         // A file name that `curl -T` appends is optional: the bare folder takes uploads too.
         .route("/clouds/", axum::routing::post(submission::post_cloud).put(submission::put_cloud))
-        // The page's files are part of the page, no part of the interface.
-        .route("/viewer/{digest}/{name}", axum::routing::get(page::file))
+        // The page's files are part of the page, not of the API.
+        .route("/viewer/{digest}/{name}", axum::routing::get(viewer_page::file))
         .fallback(no_such_path)
         .method_not_allowed_fallback(no_such_method)
-        .layer(middleware::from_fn_with_state(Arc::clone(&service), owners::only_own))
+        .layer(middleware::from_fn_with_state(Arc::clone(&service), owners::require_ownership))
         .layer(DefaultBodyLimit::disable())
         .layer(Extension(&DESCRIPTION))
         .layer(CatchPanicLayer::custom(panicked))
@@ -120,9 +130,9 @@ async fn no_such_path(method: Method, uri: Uri) -> Problem {
     let uploads = [Method::PUT, Method::POST].contains(&method) && path.matches('/').count() == 1;
     let near = if uploads { vec![format!("/clouds{path}")] } else { PATHS.near(path) };
     let hint = match near.as_slice() {
-        [] => "GET / lists what there is".to_owned(),
+        [] => "GET / lists the resources".to_owned(),
         [one] => format!("did you mean {one}?"),
-        several => format!("near it are {}", several.join(", ")),
+        several => format!("similar paths: {}", several.join(", ")),
     };
     Problem::new(Kind::NotFound, format!("there is nothing at {path}; {hint}")).with("near", near)
 }
@@ -133,7 +143,7 @@ async fn no_such_method(method: Method, uri: Uri) -> Result<StatusCode, Problem>
         return Ok(StatusCode::NO_CONTENT);
     }
     let methods = PATHS.methods(uri.path());
-    let told = format!("{} does not support {method}, but {}", uri.path(), methods.join(", "));
+    let told = format!("{} does not support {method}; supported: {}", uri.path(), methods.join(", "));
     Err(Problem::new(Kind::MethodNotAllowed, told).with("methods", methods))
 }
 

@@ -1,5 +1,6 @@
-//! How ids and times are written.
+//! How ids, times and digests are written.
 
+use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
 use super::wire::problem::{Kind, Problem};
@@ -16,6 +17,11 @@ pub(crate) fn parse_id(text: &str) -> Result<Uuid, Problem> {
 /// A time as the interface shows it: RFC 3339, UTC.
 pub(crate) fn timestamp(milliseconds: Milliseconds) -> String {
     jiff::Timestamp::from_millisecond(milliseconds).unwrap_or_default().to_string()
+}
+
+/// Names bytes: half of their SHA-256, in hex.
+pub(crate) fn short_digest(bytes: &[u8]) -> String {
+    Sha256::digest(bytes)[..16].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The time.

@@ -5,7 +5,7 @@ use uuid::Uuid;
 use crate::arguments::arguments;
 
 /// Longest page of a listing.
-pub(crate) const PAGE_MAX: usize = 200;
+pub const PAGE_MAX: usize = 200;
 
 arguments! {
     /// The arguments that every listing has.

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::http::HeaderValue;
+use serde::Serialize;
 use tokio_util::sync::CancellationToken;
+use utoipa::ToSchema;
 
 use super::wire::guard::Hosts;
 use super::wire::keys::Keys;
@@ -14,51 +16,86 @@ use crate::jobs::{Compute, Jobs};
 use crate::metrics::Metrics;
 use crate::store::Store;
 
-/// What the interface accepts at most.
-#[derive(Debug, Clone)]
+/// Limits of this service.
+#[derive(Debug, Clone, Serialize, ToSchema)]
+#[schema(as = LimitsView)]
 pub struct Limits {
-    /// Bytes of a request's body as it is sent.
+    /// Bytes of a request's body, as it is sent.
     pub body_bytes: u64,
     /// Bytes of a compressed body once it is decompressed.
     pub decoded_bytes: u64,
-    /// Times as much that may come out of a compressed body as went in, beyond the first megabyte.
+    /// Largest ratio of decompressed to compressed size beyond the first megabyte.
     pub decoded_ratio_max: u64,
-    /// Time for a request's body.
-    pub body_time: Duration,
-    /// Bytes per second that a body brings at least, on average over the time of `stall`; 0 for none.
-    pub body_rate_min: u64,
-    /// Pause in a body, or in the taking of an answer, after which the client is given up.
-    pub stall: Duration,
-    /// Time for a request's head.
-    pub header_time: Duration,
-    /// Connections that are open.
+    /// Seconds for a body.
+    pub body_seconds: u64,
+    /// Bytes per second that a body brings at least, on average over `stall_seconds`; 0 for none.
+    pub body_rate_min_bytes: u64,
+    /// Seconds without progress in sending a body or reading an answer before the connection is dropped.
+    pub stall_seconds: u64,
+    /// Seconds for the head of a request.
+    pub header_seconds: u64,
+    /// Open connections; further ones wait to be accepted.
     pub connections_max: usize,
-    /// Bytes of memory for bodies and what they are parsed into; half as many again for large answers.
-    pub body_memory: u64,
-    /// Bytes of memory that the analyses running at one time may be estimated to take.
-    pub memory_budget: u64,
-    /// Bytes that stay free on the disk.
-    pub disk_floor: u64,
-    /// Jobs that run.
-    pub jobs_at_once: usize,
-    /// Days that jobs are kept after their end.
-    pub keep_jobs_days: Option<u64>,
-    /// Days that clouds without jobs are kept.
-    pub keep_clouds_days: Option<u64>,
+    /// Bytes of memory for bodies and what they are parsed into, a fifth of it for the largest; half as many again for
+    /// large answers and what they are made of.
+    pub body_memory_bytes: u64,
+    /// Points of a cloud.
+    pub points_max: usize,
+    /// Coordinates per point.
+    pub dimension_max: usize,
+    /// Per-point scalars of a cloud.
+    pub fields_max: usize,
+    /// Triangles of a cloud.
+    pub faces_max: usize,
     /// Bases of a job.
     pub bases_max: usize,
     /// Jobs that wait.
     pub queue_max: u64,
-    /// Jobs of one key that wait.
+    /// Jobs of one key that wait; null for `queue_max`.
     pub queue_max_per_key: Option<u64>,
-    /// Bytes that the clouds and results of one key take.
+    /// Bytes that the clouds and results of one key take; null for no limit.
     pub stored_bytes_max_per_key: Option<u64>,
-    /// Bytes of the database file.
+    /// Bytes beyond which the database file does not grow; null for no limit.
     pub database_bytes_max: Option<u64>,
-    /// Time of one attempt at a job.
-    pub job_time: Duration,
-    /// What is read from a file.
-    pub reader: reader::Limits,
+    /// Seconds that one attempt at a job may take.
+    pub job_seconds: u64,
+    /// Jobs that run at one time.
+    pub jobs_at_once: usize,
+    /// Bytes of memory that the analyses running at one time may be estimated to take.
+    pub memory_budget_bytes: u64,
+    /// Bytes that stay free on the disk.
+    pub disk_floor_bytes: u64,
+    /// Days after their end at which jobs are deleted; null keeps them.
+    pub keep_jobs_days: Option<u64>,
+    /// Days after their upload at which clouds without jobs are deleted; null keeps them.
+    pub keep_clouds_days: Option<u64>,
+    /// Largest JSON answer in bytes; request npy for more.
+    pub json_bytes: u64,
+    /// Seconds of `?wait=`.
+    pub wait_seconds_max: u64,
+    /// Entries of a page of a listing.
+    pub page_max: u64,
+    /// Bytes of memory for what is read from a file.
+    #[serde(skip)]
+    pub reader_memory_max: usize,
+}
+
+impl Limits {
+    /// Time for a request's body.
+    pub(super) fn body_time(&self) -> Duration {
+        Duration::from_secs(self.body_seconds)
+    }
+
+    /// Time without progress after which a client's connection is dropped.
+    pub(super) fn stall(&self) -> Duration {
+        Duration::from_secs(self.stall_seconds)
+    }
+
+    /// Those of a file.
+    pub(super) fn reader(&self) -> reader::Limits {
+        let &Self { points_max, dimension_max, fields_max, faces_max, reader_memory_max, .. } = self;
+        reader::Limits { points_max, fields_max, dimension_max, faces_max, memory_max: reader_memory_max }
+    }
 }
 
 /// Threads for what takes too long for tokio's: a pool for each kind of work, so that none queues behind another.
@@ -76,12 +113,8 @@ pub struct Pools {
 pub struct Service {
     /// The database.
     pub(super) store: Store,
-    /// Threads that parse what is sent, apart from those that make answers.
-    pub(super) reading: Compute,
-    /// Threads that make answers, apart from those that analyze.
-    pub(super) compute: Compute,
-    /// Threads that compress answers piece by piece.
-    pub(super) compressing: Compute,
+    /// Threads for work.
+    pub(super) pools: Pools,
     /// The workers, to be woken when a job was queued.
     pub(super) jobs: Arc<Jobs>,
     /// Limits.
@@ -112,23 +145,9 @@ impl Service {
         metrics: Arc<Metrics>,
         stopping: CancellationToken,
     ) -> Self {
-        let memory = MemoryBudget::new(limits.body_memory, limits.stall);
-        let Pools { reading, answering: compute, compressing } = pools;
+        let memory = MemoryBudget::new(limits.body_memory_bytes, limits.stall());
         let (origins, hosts) = (Vec::new(), None);
-        Self {
-            store,
-            reading,
-            compute,
-            compressing,
-            jobs,
-            limits,
-            memory,
-            origins,
-            hosts,
-            keys,
-            stopping,
-            metrics,
-        }
+        Self { store, pools, jobs, limits, memory, origins, hosts, keys, stopping, metrics }
     }
 
     /// The same, open to pages of these origins (`*` is any), and under these names only where no key is asked for.

@@ -13,7 +13,7 @@ use crate::arguments::arguments;
 use crate::store::{JobRecord, JobState};
 
 /// Longest `?wait=`, in seconds.
-pub(crate) const WAIT_SECONDS_MAX: u64 = 60;
+pub const WAIT_SECONDS_MAX: u64 = 60;
 arguments! {
     /// Waiting for the end of a job.
     #[derive(Debug, Clone, Copy)]
@@ -31,7 +31,11 @@ impl Wait {
 }
 
 /// The job once it has ended, or as it is after `wait`, or when the service stops.
-pub(crate) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Result<JobRecord, Problem> {
+pub(crate) async fn wait_until_ended(
+    service: &Service,
+    id: Uuid,
+    wait: Duration,
+) -> Result<JobRecord, Problem> {
     if wait.is_zero() {
         return Ok(service.store.job(id).await?);
     }
@@ -53,7 +57,7 @@ pub(crate) async fn settled(service: &Service, id: Uuid, wait: Duration) -> Resu
 /// # Errors
 /// A problem that tells the state of a job without a result.
 pub(crate) async fn finished(service: &Service, id: &str, wait: Duration) -> Result<JobRecord, Problem> {
-    let job = settled(service, parse_id(id)?, wait).await?;
+    let job = wait_until_ended(service, parse_id(id)?, wait).await?;
     match without_result(&job) {
         Some(problem) => Err(problem),
         None => Ok(job),

@@ -2,6 +2,10 @@
 
 #![allow(clippy::float_cmp)] // the same numbers, whatever the format
 
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
 use chladni::cloud::reader::{self, Format, ReadOptions};
 use chladni::cloud::{NonFinite, PointCloud, ScalarField, ScalarType};
 use reqwest::{Response, StatusCode};
@@ -317,6 +321,95 @@ async fn an_etag_stands_for_the_bytes_of_one_filter() {
     let part = service.client.get(&url).header("range", "bytes=100-199").send().await.unwrap();
     assert_eq!(part.status(), StatusCode::PARTIAL_CONTENT);
     assert_eq!(part.bytes().await.unwrap(), whole[100..200]);
+}
+
+/// A client that asks for `path` and takes the first bytes of the answer; it holds the answer's memory until it is dropped.
+fn slow_reader(service: &Service, path: &str) -> TcpStream {
+    let mut stream = TcpStream::connect(service.app.address()).unwrap();
+    stream.write_all(format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes()).unwrap();
+    let mut first = [0; 64];
+    stream.read_exact(&mut first).unwrap();
+    assert!(first.starts_with(b"HTTP/1.1 200"), "{}", String::from_utf8_lossy(&first));
+    stream
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_client_has_or_only_asks_about_needs_no_memory() {
+    let service = Service::start().await;
+    let id = service.succeed(&format!("bases={BASES}"), file(&colored(), Format::Ply)).await;
+    let operator = service.succeed("kind=operator", file(&sphere(POINTS), Format::Ply)).await;
+    // 24 MB: more than the buffers of a connection hold.
+    let large: Vec<_> = (0..1_000_000).flat_map(|i| format!("{i} 0 0\n").into_bytes()).collect();
+    let large = service.post("/clouds?format=xyz&analyze=false", large).await;
+    let large: Value = large.json().await.unwrap();
+    let large = large["cloud"]["id"].as_str().unwrap();
+    let mut answers = Vec::new();
+    for path in [
+        "filtered",
+        "filtered.json?cutoff=3",
+        "filtered.png",
+        "coefficients",
+        "coefficients.npy",
+        "features",
+        "features.ply",
+        "signatures",
+        "signatures.npy?count=3",
+        "signatures.ply?count=3",
+        "distances",
+        "distances.npy?from=3&kind=diffusion",
+        "distances.ply",
+        "spectrum",
+        "operator",
+        "operator.mtx?matrix=b",
+        "bases",
+        "bases.npy",
+        "bases.ply?first=3",
+        "bases/1/image.png",
+    ] {
+        answers.push(format!("/jobs/{id}/{path}"));
+    }
+    answers.extend([format!("/jobs/{operator}/operator"), format!("/jobs/{operator}/operator.npz")]);
+    let mut known = Vec::new();
+    for path in answers {
+        let response = service.get(&path).await;
+        let headers = response.headers().clone();
+        bytes(response).await;
+        known.push((path, headers));
+    }
+
+    let service = service.restart_with(|settings| settings.body_memory = 1 << 20).await;
+    let reader = slow_reader(&service, &format!("/clouds/{large}/points?format=npy"));
+    let waits = service.client.get(service.url(&format!("/jobs/{id}/filtered"))).send();
+    let waits = tokio::time::timeout(Duration::from_secs(1), waits).await;
+    assert!(waits.is_err(), "there is no memory left: {waits:?}");
+    for (path, headers) in &known {
+        let etag = &headers["etag"];
+        let url = service.url(path);
+        let again = service.client.get(&url).header("if-none-match", etag).send().await.unwrap();
+        assert_eq!(again.status(), StatusCode::NOT_MODIFIED, "{path}");
+        let head = service.client.head(&url).send().await.unwrap();
+        assert_eq!(head.status(), StatusCode::OK, "{path}");
+        assert_eq!(&head.headers()["etag"], etag, "{path}");
+        if let Some(length) = head.headers().get("content-length") {
+            assert_eq!(length, &headers["content-length"], "{path}");
+        }
+        let is_streamed = ["bases", "signatures", "distances"].iter().any(|name| path.contains(name))
+            && [".npy", ".ply"].iter().any(|ending| path.contains(ending));
+        assert_eq!(head.headers().contains_key("content-length"), is_streamed, "{path}");
+    }
+    drop(reader);
+    bytes(service.get(&format!("/jobs/{id}/filtered")).await).await;
+}
+
+#[tokio::test]
+async fn a_time_belongs_to_the_distance_that_has_one() {
+    let (service, id) = finished().await;
+    for query in ["time=1", "time=1&kind=biharmonic"] {
+        let response = service.get(&format!("/jobs/{id}/distances?{query}")).await;
+        let refused = problem(response, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;
+        assert_eq!(refused["parameter"], "time", "{refused}");
+        assert!(detail(&refused).contains("belongs to kind=diffusion"), "{refused}");
+    }
 }
 
 #[tokio::test]

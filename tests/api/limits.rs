@@ -227,7 +227,7 @@ async fn a_body_that_is_slower_than_the_least_rate_is_given_up() {
     };
     let refused = service.post("/clouds?format=xyz", trickle(300)).await;
     let refused = problem(refused, StatusCode::REQUEST_TIMEOUT, "request-timeout").await;
-    assert!(detail(&refused).contains("slower than 10000 bytes per second"), "{refused}");
+    assert!(detail(&refused).contains("less than 10000 bytes per second"), "{refused}");
     let accepted = service.post("/clouds?format=xyz&analyze=false", trickle(6000)).await;
     assert_eq!(accepted.status(), StatusCode::CREATED);
 }

@@ -182,7 +182,7 @@ async fn head_announces_the_length_of_the_answer_or_none() {
         ("bases.npz", true),
         ("bases.json", false),
         ("bases.csv", false),
-        ("spectrum", true),
+        ("bases.ply", true),
     ] {
         let url = service.url(&format!("/jobs/{id}/{file}"));
         let head = service.client.head(&url).send().await.unwrap();

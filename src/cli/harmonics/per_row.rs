@@ -59,6 +59,7 @@ pub(crate) fn signatures(args: &SignaturesArgs) -> Result<(), Failure> {
 pub(crate) fn distances(args: &DistancesArgs) -> Result<(), Failure> {
     let format = Output::of(&args.output, &args.writing, &FORMATS)?;
     let DistanceRequest { from, kind, time } = args.request.0;
+    args.request.0.check().map_err(|error| Failure::Input(error.to_string()))?;
     let results = Results::read(&args.results)?;
     let rows = results.mass.len();
     if from >= rows || results.mass[from].is_nan() {

@@ -10,13 +10,15 @@ use utoipa::ToSchema;
 use super::bases_files::Selection;
 use crate::arguments::arguments;
 use crate::http::results::offered::offered;
-use crate::http::results::request::ResultRequest;
+use crate::http::results::per_row;
+use crate::http::results::request::{JSON_NUMBER_BYTES, ResultRequest};
+use crate::http::results::rows::Table;
 use crate::http::wire::accept::{CSV, JSON, NPY, NPZ, PLY};
-use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::{RangeProblem, ResultProblems};
 
 /// Bytes of a number in memory, and as JSON text.
-const BASIS_NUMBER_BYTES: u64 = 8 + 22;
+const BASIS_NUMBER_BYTES: u64 = 8 + JSON_NUMBER_BYTES;
 
 arguments! {
     /// Which bases.
@@ -57,8 +59,8 @@ pub(crate) struct Bases {
     tag = "results",
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadBases>),
     responses(
-        (status = 200, description = "The bases.", content((Bases = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"), (String = "text/csv")), headers(("ETag" = String, description = "Of these bytes."))),
-        (status = 206, description = "The range request for.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"))),
+        (status = 200, description = "The bases.", body = Bases, headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 206, description = "The requested range.", content((Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npz"))),
         (status = 304, description = "The client's copy is current."),
         RangeProblem,
         ResultProblems,
@@ -66,20 +68,25 @@ pub(crate) struct Bases {
 )]
 pub(crate) async fn bases(request: ResultRequest<ReadBases>) -> Result<Response, Problem> {
     let (job, spectrum) = request.eigen().await?;
-    let (service, offer) = (&request.service, request.offer);
+    let (service, offer, rows) = (&request.service, request.offer, job.points as usize);
     let bases = selected(&request.arguments, spectrum.eigenvalues.len())?;
     let selection = Selection {
         store: service.store.clone(),
-        compute: service.compute.clone(),
+        compute: service.pools.answering.clone(),
         job: job.id,
-        rows: job.points as usize,
+        rows,
         chunk_rows: job.chunk_points,
         bases: bases.clone(),
     };
-    let kind = request.kind();
+    let (kind, names) = (request.kind(), selection.names());
     let tag = format!("{}-{}-{}", job.id.simple(), bases.start, bases.end);
     let plan = request.plan(tag, format!("bases-{}", job.id));
-    if let Some(answer) = plan.unchanged() {
+    // The length of an archive follows from its head, which is made of the cloud.
+    let answer = match offer {
+        NPZ => plan.unchanged(),
+        _ => plan.without_bytes(per_row::length(&request, &job, &names, false).await?),
+    };
+    if let Some(answer) = answer {
         return Ok(answer);
     }
     let beside = match offer {
@@ -107,17 +114,19 @@ pub(crate) async fn bases(request: ResultRequest<ReadBases>) -> Result<Response,
             let mass = service.store.mass(job.id).await?;
             let (planned, eigenvalues) = (selection.clone(), eigenvalues.to_vec());
             let archive = move || planned.archive(&cloud, &eigenvalues, &mass, kind);
-            let (layout, open) = service.compute.run(archive).await?;
+            let (layout, open) = service.pools.answering.run(archive).await?;
             plan.answer(Some(layout.length()), reservation, |span| {
                 let encode = move |chunk| selection.clone().checked_chunk(chunk, kind);
                 layout.stream_sealed(span, encode, |checksum| open.tail(checksum))
             })
         }
         (_, cloud) => {
-            let (planned, shown) = (selection.clone(), cloud.clone());
-            let layout = service.compute.run(move || planned.layout(shown.as_deref(), kind)).await?;
+            let table = Table { cloud, kind, is_vector: false };
+            let planned = table.clone();
+            let layout = service.pools.answering.run(move || planned.layout(rows, &names)).await?;
+            let layout = layout.in_chunks_of(selection.chunk_rows);
             plan.answer(Some(layout.length()), reservation, |span| {
-                layout.stream(span, move |chunk| selection.clone().chunk(chunk, cloud.clone(), kind))
+                layout.stream(span, move |chunk| selection.clone().chunk(chunk, table.clone()))
             })
         }
     }
@@ -131,13 +140,10 @@ fn selected(arguments: &ReadBases, available: usize) -> Result<Range<usize>, Pro
     if first < available && end <= available {
         return Ok(first..end);
     }
-    Err(Problem::new(
-        Kind::InvalidParameter,
-        format!(
-            "the job has {available} bases, 0 to {}; first={first} and count={count} reach beyond",
-            available - 1
-        ),
-    )
-    .with("parameter", if first < available { "count" } else { "first" })
-    .with("available", available))
+    let told = format!(
+        "the job has {available} bases, 0 to {}; first={first} and count={count} reach beyond",
+        available - 1
+    );
+    Err(Problem::invalid(if first < available { "count" } else { "first" }, told)
+        .with("available", available))
 }

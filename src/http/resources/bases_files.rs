@@ -1,4 +1,4 @@
-//! Bases as files: what is in them, and how a piece after the other is made, so that none stands in memory as a whole.
+//! Streams bases as files piece by piece, so that no file is held in memory.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,11 +9,11 @@ use futures_util::stream::{self, Stream, StreamExt, TryStreamExt};
 use uuid::Uuid;
 
 use crate::cloud::writer::{
-    Archive, Column, OpenArchive, axis_name, csv_header, csv_lines, encode_rows, npy_header,
-    npy_vector_header, ply_columns, ply_properties,
+    Archive, Column, OpenArchive, axis_name, csv_header, csv_lines, npy_header, npy_vector_header,
+    ply_columns,
 };
 use crate::cloud::{PointCloud, ScalarType};
-use crate::http::results::rows::{self, RowLayout, axes, npy_layout, ply_layout};
+use crate::http::results::rows::{self, RowLayout, Table, npy_layout};
 use crate::http::wire::problem::Problem;
 use crate::jobs::Compute;
 use crate::store::Store;
@@ -36,27 +36,15 @@ pub(crate) struct Selection {
 }
 
 impl Selection {
-    /// An array, or a PLY when there is a cloud.
-    pub(crate) fn layout(&self, cloud: Option<&PointCloud>, kind: ScalarType) -> RowLayout {
-        match cloud {
-            None => npy_layout(self.rows, self.bases.len(), kind).in_chunks_of(self.chunk_rows),
-            Some(cloud) => {
-                let mut properties = ply_properties(cloud);
-                properties.truncate(axes(cloud));
-                properties.extend(self.names().map(|name| (name, kind)));
-                ply_layout(cloud, properties).in_chunks_of(self.chunk_rows)
-            }
-        }
-    }
-
     /// Bytes of memory for the pieces that are made or sent at one time: numbers as they are stored, and as they are sent.
     pub(crate) fn bytes_at_work(&self, kind: ScalarType) -> u64 {
         let numbers = self.chunk_rows.min(self.rows) * self.bases.len();
         (2 * numbers * (size_of::<f64>() + kind.size())) as u64
     }
 
-    fn names(&self) -> impl Iterator<Item = String> {
-        self.bases.clone().map(|basis| format!("basis_{basis}"))
+    /// Names of the columns.
+    pub(crate) fn names(&self) -> Vec<String> {
+        self.bases.clone().map(|basis| format!("basis_{basis}")).collect()
     }
 
     async fn columns(&self, chunk: usize) -> Result<Vec<Vec<f64>>, Problem> {
@@ -68,22 +56,11 @@ impl Selection {
         chunk * self.chunk_rows..((chunk + 1) * self.chunk_rows).min(self.rows)
     }
 
-    /// The bytes of a chunk of rows of [`Self::layout`].
-    pub(crate) async fn chunk(
-        self,
-        chunk: usize,
-        cloud: Option<Arc<PointCloud>>,
-        kind: ScalarType,
-    ) -> Result<Vec<u8>, Problem> {
+    /// The bytes of a chunk of rows of a table of the bases.
+    pub(crate) async fn chunk(self, chunk: usize, table: Table) -> Result<Vec<u8>, Problem> {
         let values = self.columns(chunk).await?;
-        let rows = self.rows_of(chunk);
-        let encode = move || {
-            let mut columns = cloud.as_deref().map_or_else(Vec::new, |cloud| ply_columns(cloud, rows.start));
-            columns.truncate(cloud.as_deref().map_or(0, axes));
-            columns.extend(values.iter().map(|values| Column { values, stride: 1, kind }));
-            encode_rows(&columns, rows.len())
-        };
-        Ok(self.compute.run(encode).await?)
+        let first = self.rows_of(chunk).start;
+        Ok(self.compute.run(move || table.encode(first, &values)).await?)
     }
 
     /// An archive of `points`, `eigenvalues` (NaN for those that carry no information), `mass`, and `bases`, whose rows
@@ -106,7 +83,8 @@ impl Selection {
         );
         archive.add("eigenvalues", &npy_vector_header(eigenvalues.len(), double), &eigenvalues, double);
         archive.add("mass", &npy_vector_header(mass.len(), double), mass, double);
-        let mut layout = self.layout(None, kind);
+        let layout = npy_layout(self.rows, self.bases.len(), kind);
+        let mut layout = layout.in_chunks_of(self.chunk_rows);
         let data_bytes = (layout.stride * layout.rows) as u64;
         let mut open = archive.open("bases", &layout.header, data_bytes);
         layout.header = open.take_head();
@@ -121,7 +99,7 @@ impl Selection {
         kind: ScalarType,
     ) -> Result<(Vec<u8>, Crc), Problem> {
         let compute = self.compute.clone();
-        let bytes = self.chunk(chunk, None, kind).await?;
+        let bytes = self.chunk(chunk, Table { cloud: None, kind, is_vector: false }).await?;
         let checked = move || {
             let mut checksum = Crc::new();
             checksum.update(&bytes);

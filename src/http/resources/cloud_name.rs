@@ -1,7 +1,7 @@
 //! What a cloud is called in listings: a name that the client gives, or that of its file.
 
 use crate::arguments::arguments;
-use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::problem::Problem;
 
 arguments! {
     /// What the cloud is called in listings.
@@ -9,7 +9,7 @@ arguments! {
     pub(crate) struct Naming {
         /// Name of the cloud in listings, 200 characters at most. Content that is there already keeps its name.
         #[alias = "file_name"]
-        name: Option<String> = text, absent "that of the file: the end of the path, or of the part of a multipart body";
+        name: Option<String> = text, absent "the file's name, from the path or the multipart part";
     }
 }
 
@@ -28,11 +28,10 @@ pub(crate) fn of(asked: Option<&str>, file: Option<&str>) -> Result<Option<Strin
     };
     match asked {
         Some(name) if is_shown(name) => Ok(Some(name.to_owned())),
-        Some(_) => Err(Problem::new(
-            Kind::InvalidParameter,
-            format!("`name` is 1 to {NAME_LENGTH_MAX} characters that can be shown"),
-        )
-        .with("parameter", "name")),
+        Some(_) => {
+            let told = format!("`name` must be 1 to {NAME_LENGTH_MAX} printable characters");
+            Err(Problem::invalid("name", told))
+        }
         None => Ok(file
             .and_then(|file| file.rsplit(['/', '\\']).next())
             .filter(|name| is_shown(name))
@@ -43,6 +42,7 @@ pub(crate) fn of(asked: Option<&str>, file: Option<&str>) -> Result<Option<Strin
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::http::wire::problem::Kind;
 
     #[test]
     fn a_cloud_is_called_like_its_file_unless_it_is_told_otherwise() {

@@ -28,7 +28,7 @@ pub(crate) struct CloudSummary {
     /// When it was stored, RFC 3339.
     #[schema(format = DateTime)]
     created: String,
-    /// SHA-256, in hex, of all that is kept of the upload: two uploads are the same cloud if it is equal.
+    /// SHA-256, in hex, of everything kept from the upload; uploads with equal digests are one cloud.
     digest: String,
     /// Rows of the upload.
     points: u64,
@@ -47,7 +47,7 @@ pub(crate) struct CloudSummary {
     fields: Vec<FieldRecord>,
     /// Triangles of the upload.
     faces: u64,
-    /// What was left out of the file, and what was not taken word for word.
+    /// Parts of the file that were dropped or altered on reading.
     warnings: Vec<String>,
     /// Where its points and jobs are.
     links: BTreeMap<&'static str, String>,
@@ -179,7 +179,7 @@ pub(crate) async fn show(
     params(("id" = Uuid, Path, description = "The cloud.")),
     responses(
         (status = 204, description = "Deleted."),
-        (status = 409, description = "It has jobs that are not at their end.", body = ProblemDocument, content_type = "application/problem+json"),
+        (status = 409, description = "It has queued or running jobs.", body = ProblemDocument, content_type = "application/problem+json"),
         CloudProblems,
     )
 )]

@@ -13,16 +13,18 @@ use crate::arguments::arguments;
 use crate::cloud::PointCloud;
 use crate::harmonics::filtered::Target;
 use crate::harmonics::functions::rows_without_result;
-use crate::harmonics::{Bands, Energy, Function, Modes, Transformed, transform};
-use crate::http::results::functions::{self, NumberLists, forward, of_own};
+use crate::harmonics::{Bands, Block, Energy, Function, Modes, Transformed, transform};
+use crate::http::results::functions::{self, NumberLists, own_coefficients, project};
 use crate::http::results::offered::offered;
 use crate::http::results::per_row::PerRow;
 use crate::http::results::request::{self, Harmonics, ResultRequest};
 use crate::http::results::rows::npy_file;
 use crate::http::wire::accept::{JSON, NPY, PLY};
 use crate::http::wire::body::IncomingBody;
-use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::download;
+use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::{BodyProblems, ResultProblems};
+use crate::jobs::Wanted;
 
 /// Arguments of `GET` and `POST /jobs/{id}/coefficients`.
 pub(crate) type ReadCoefficients = Bands;
@@ -75,23 +77,24 @@ pub(crate) struct Coefficients {
     tag = "harmonics",
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadCoefficients>),
     responses(
-        (status = 200, description = "The coefficients.", content((Coefficients = "application/json"), (Vec<u8> = "application/x-npy"))),
+        (status = 200, description = "The coefficients.", body = Coefficients),
         (status = 304, description = "The client's copy is current."),
         ResultProblems,
     )
 )]
 pub(crate) async fn coefficients(request: ResultRequest<ReadCoefficients>) -> Result<Response, Problem> {
-    let mut harmonics = request.harmonics().await?;
-    let tag = request::tag(harmonics.job.id, &request.arguments.bands);
-    if let Some(answer) = request.plan(tag.clone(), stem(harmonics.job.id)).without_work() {
+    let eigen = request.eigen().await?;
+    let tag = request::tag(eigen.0.id, &request.arguments.bands);
+    if let Some(answer) = request.plan(tag.clone(), stem(eigen.0.id)).without_work() {
         return Ok(answer);
     }
+    let mut harmonics = request.harmonics(eigen, 0).await?;
     let store = &request.service.store;
     let cloud = store.load_cloud(harmonics.job.cloud_id).await?;
     let mass = store.mass(harmonics.job.id).await?;
-    let chosen = request.service.compute.run(move || own_functions(&cloud, mass));
+    let chosen = request.service.pools.answering.run(move || own_functions(&cloud, mass));
     let (given, mass, told) = chosen.await??;
-    let (given, found) = of_own(&mut harmonics, given, mass).await?;
+    let (given, found) = own_coefficients(&mut harmonics, given, mass).await?;
     answer(&request, harmonics, given, found, told, tag).await
 }
 
@@ -102,16 +105,17 @@ pub(crate) async fn coefficients(request: ResultRequest<ReadCoefficients>) -> Re
 #[utoipa::path(
     post,
     path = "/jobs/{id}/coefficients",
+    operation_id = "of_posted",
     tag = "harmonics",
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadCoefficients>),
     request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The functions."),
     responses(
-        (status = 200, description = "The coefficients.", content((Coefficients = "application/json"), (Vec<u8> = "application/x-npy"))),
+        (status = 200, description = "The coefficients.", body = Coefficients),
         BodyProblems,
         ResultProblems,
     )
 )]
-pub(crate) async fn of_posted(
+pub(crate) async fn posted_coefficients(
     mut request: ResultRequest<ReadCoefficients>,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
@@ -122,13 +126,13 @@ pub(crate) async fn of_posted(
     let mass = request.service.store.mass(harmonics.job.id).await?;
     request.forget_conditions();
     let tag = harmonics.job.id.simple().to_string();
-    let checked = request.service.compute.run(move || {
+    let checked = request.service.pools.answering.run(move || {
         functions::check_finite(&given, &mass)?;
         let told = Accompanying { rows_without_result: rows_without_result(&mass), omitted: BTreeMap::new() };
         Ok::<_, Problem>((given, mass, told))
     });
     let (given, mass, told) = checked.await??;
-    let (given, found) = forward(&mut harmonics, given, mass).await?;
+    let (given, found) = project(&mut harmonics, given, mass).await?;
     answer(&request, harmonics, given, found, told, tag).await
 }
 
@@ -172,7 +176,7 @@ async fn answer(
     let Harmonics { job, modes, bases, reservation } = harmonics;
     let (offer, kind, bands) = (request.offer, request.kind(), request.arguments.bands);
     let (stem, points) = (stem(job.id), bases.rows());
-    let encode = move || {
+    let encode = move |wanted: &Wanted| {
         if offer == NPY {
             let columns: Vec<&[f64]> = found.iter().map(|function| &function.coefficients[..]).collect();
             return Ok(npy_file(&columns, kind));
@@ -192,9 +196,9 @@ async fn answer(
             warnings: job.report.map(|report| report.warnings).unwrap_or_default(),
             clusters: modes.clusters().to_vec(),
         };
-        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
+        download::json(&answer, wanted)
     };
-    let bytes = request.service.compute.run(encode).await??;
+    let bytes = request.service.pools.answering.run_while_wanted(encode).await??;
     request.plan(tag, stem).send(reservation, bytes)
 }
 
@@ -209,7 +213,7 @@ async fn answer(
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<Synthesize>),
     request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The coefficients."),
     responses(
-        (status = 200, description = "One number per function and row of the upload: in JSON `names`, and `values` with an array per function.", content((Synthesized = "application/json"), (Vec<u8> = "application/x-npy"), (Vec<u8> = "application/ply"))),
+        (status = 200, description = "One number per function and row of the upload: in JSON `names`, and `values` with an array per function.", body = Synthesized),
         BodyProblems,
         ResultProblems,
     )
@@ -221,42 +225,28 @@ pub(crate) async fn synthesis(
     let eigen = request.eigen().await?;
     let (given, reservation) = functions::receive(&request.service, body).await?;
     check_coefficients(&given, &Modes::of(&eigen.1))?;
-    let columns = given.len();
-    let Harmonics { job, bases, reservation, .. } = request.harmonics_of(eigen, reservation, columns).await?;
+    let harmonics = request.harmonics_of(eigen, reservation, given.len()).await?;
     request.forget_conditions();
+    let (job_id, points) = (harmonics.job.id, harmonics.bases.rows());
     let names: Vec<String> = given.iter().map(|function| function.name.clone()).collect();
-    let head = Map::from_iter([
-        ("job_id".to_owned(), job.id.to_string().into()),
-        ("points".to_owned(), bases.rows().into()),
-        ("names".to_owned(), names.clone().into()),
-    ]);
-    let per_row = PerRow {
-        bases,
-        // coordinates keep their place in PLY: a property of the same name would be read as one
-        names: names
-            .iter()
-            .map(|name| if request.offer == PLY { format!("f_{name}") } else { name.clone() })
-            .collect(),
-        work: Arc::new(move |block| {
-            let lists: Vec<&[f64]> = given.iter().map(|list| list.values.as_slice()).collect();
-            transform::synthesize(block, &lists)
-        }),
-        is_single: false,
-        head,
-        tag: job.id.simple().to_string(),
-        stem: "synthesis",
-        reservation,
+    // Coordinates keep their place in PLY: a property of the same name would be read as one.
+    let prefix = if request.offer == PLY { "f_" } else { "" };
+    let columns = names.iter().map(|name| format!("{prefix}{name}")).collect();
+    let plan = request.plan(job_id.simple().to_string(), format!("synthesis-{job_id}"));
+    let synthesize = move |block: &Block<Vec<f64>>| {
+        let lists: Vec<&[f64]> = given.iter().map(|list| list.values.as_slice()).collect();
+        transform::synthesize(block, &lists)
     };
-    per_row.answer(&request, &job).await
+    let json =
+        move |values, wanted: &Wanted| download::json(&Synthesized { job_id, points, names, values }, wanted);
+    PerRow::new(&request, plan, columns, false).answer(harmonics, synthesize, json).await
 }
 
 fn check_coefficients(given: &[Function], modes: &Modes) -> Result<(), Problem> {
     let available = modes.len();
     for list in given {
         let refuse = |what: String| {
-            Err(Problem::new(Kind::InvalidParameter, format!("`{}` {what}", list.name))
-                .with("parameter", list.name.clone())
-                .with("available", available))
+            Err(Problem::invalid(&list.name, format!("`{}` {what}", list.name)).with("available", available))
         };
         if list.values.len() > available {
             return refuse(format!("has {} coefficients; the job has {available} bases", list.values.len()));
@@ -270,7 +260,6 @@ fn check_coefficients(given: &[Function], modes: &Modes) -> Result<(), Problem> 
 
 /// Functions on the rows of the upload.
 #[derive(Debug, Serialize, ToSchema)]
-#[allow(dead_code)] // describes what is written column by column
 pub(crate) struct Synthesized {
     /// The job.
     job_id: Uuid,
@@ -279,5 +268,6 @@ pub(crate) struct Synthesized {
     /// Names of the functions.
     names: Vec<String>,
     /// One array per function, one number per row; null without a result.
-    values: Vec<Vec<Option<f64>>>,
+    #[schema(value_type = Vec<Vec<Option<f64>>>)]
+    values: Vec<Vec<f64>>,
 }

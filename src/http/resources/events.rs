@@ -9,25 +9,22 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::stream;
-use sha2::{Digest, Sha256};
 use tokio::sync::watch;
 use utoipa::ToSchema;
-use uuid::Uuid;
 
 use super::jobs::JobView;
-use crate::http::notation::{now, parse_id};
+use crate::http::notation::{now, parse_id, short_digest};
 use crate::http::service::Shared;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::JobProblems;
 use crate::http::wire::query::FromQuery;
+use crate::http::wire::retry;
 use crate::store::JobRecord;
 
 /// Pause after which a comment shows that the connection lives.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
-/// Pause after which a client connects again.
-const RETRY: Duration = Duration::from_secs(1);
 
-/// An event, as the lines of the stream tell it.
+/// One server-sent event.
 #[derive(Debug, ToSchema)]
 #[allow(dead_code)] // names the answer in the OpenAPI document
 pub(crate) struct JobEvent {
@@ -43,9 +40,9 @@ pub(crate) struct JobEvent {
 
 /// A job's state and progress as server-sent events.
 ///
-/// An event is called `progress` while the job is on its way and by the state that it ended in (`succeeded`, `failed`,
-/// `canceled`) at last, after which the stream ends; its data is the job as of `GET /jobs/{id}`. A client that connects
-/// again with `Last-Event-ID` is not told what it knows; when it knows the end, 204 tells it to stay away.
+/// Events are named `progress` until the job ends, then by its final state (`succeeded`, `failed`, `canceled`), and the
+/// stream closes. The data equals `GET /jobs/{id}`. A client that reconnects with `Last-Event-ID` gets only news; 204 if it
+/// already has the final event.
 #[utoipa::path(
     get,
     path = "/jobs/{id}/events",
@@ -85,8 +82,7 @@ pub(crate) async fn events(
 /// Names a state of a job: the same for the same state and progress, also after a restart.
 fn name(job: &JobRecord) -> String {
     let state = (job.state, job.attempt, job.phase, job.progress.to_bits(), job.queue_position);
-    let digest = Sha256::digest(serde_json::to_vec(&state).unwrap_or_default());
-    Uuid::from_slice(&digest[..16]).unwrap_or_default().simple().to_string()
+    short_digest(&serde_json::to_vec(&state).unwrap_or_default())
 }
 
 struct Follow {
@@ -105,7 +101,10 @@ impl Follow {
             if self.known.as_ref() != Some(&name) {
                 self.has_ended = job.state.is_terminal();
                 let called = if self.has_ended { job.state.name() } else { "progress" };
-                let event = Event::default().id(&name).event(called).retry(RETRY);
+                let event = Event::default()
+                    .id(&name)
+                    .event(called)
+                    .retry(Duration::from_secs(retry::EVENTS_SECONDS));
                 self.known = Some(name);
                 return event.json_data(JobView::new(&job, now())).ok();
             }

@@ -10,13 +10,16 @@ use uuid::Uuid;
 use crate::arguments::groups;
 use crate::cloud::PointCloud;
 use crate::harmonics::features::{self as salient, Feature, FeatureRequest};
+use crate::harmonics::functions::rows_without_result;
 use crate::harmonics::{Modes, Neighborhoods};
 use crate::http::results::offered::offered;
 use crate::http::results::request::{self, Harmonics, ResultRequest};
 use crate::http::results::view;
 use crate::http::wire::accept::{JSON, PLY, PNG};
+use crate::http::wire::download;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::{RangeProblem, ResultProblems};
+use crate::jobs::Wanted;
 use crate::picture::{Paint, View};
 
 groups! {
@@ -42,9 +45,9 @@ pub(crate) struct Features {
     cloud_id: Uuid,
     /// Rows of the upload.
     points: usize,
-    /// Rows that carry no result and were not looked at.
+    /// Rows that carry no result and were skipped.
     rows_without_result: usize,
-    /// Modes that were looked at.
+    /// Modes examined.
     modes: usize,
     /// Radius of the neighborhoods, in units of the cloud.
     radius: f64,
@@ -65,35 +68,37 @@ pub(crate) struct Features {
     tag = "harmonics",
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadFeatures>),
     responses(
-        (status = 200, description = "The feature points.", content((Features = "application/json"), (Vec<u8> = "application/ply"), (Vec<u8> = "image/png")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 200, description = "The feature points.", body = Features, headers(("ETag" = String, description = "Of these bytes."))),
         (status = 304, description = "The client's copy is current."),
         RangeProblem,
         ResultProblems,
     )
 )]
 pub(crate) async fn features(request: ResultRequest<ReadFeatures>) -> Result<Response, Problem> {
-    let Harmonics { job, modes, bases, reservation } = request.harmonics().await?;
-    let ReadFeatures { features: wanted, view } = request.arguments;
-    let count = wanted.modes(modes.len());
-    let epsilon = job.report.as_ref().map_or(0.0, |report| report.sampling.epsilon);
-    let (persistence, radius) = (wanted.persistence, wanted.radius(epsilon));
-    let limit = wanted.limit.unwrap_or(usize::MAX);
+    let eigen = request.eigen().await?;
+    let ReadFeatures { features: chosen, view } = request.arguments;
+    let count = chosen.modes(eigen.1.eigenvalues.len());
+    let epsilon = eigen.0.report.as_ref().map_or(0.0, |report| report.sampling.epsilon);
+    let (persistence, radius) = (chosen.persistence, chosen.radius(epsilon));
+    let limit = chosen.limit.unwrap_or(usize::MAX);
     let drawn = (request.offer == PNG).then(|| view::key(&view));
-    let tag = request::tag(job.id, &(count, persistence.to_bits(), radius.to_bits(), limit, drawn));
-    let plan = request.plan(tag, format!("features-{}", job.id));
+    let tag = request::tag(eigen.0.id, &(count, persistence.to_bits(), radius.to_bits(), limit, drawn));
+    let plan = request.plan(tag, format!("features-{}", eigen.0.id));
     if let Some(answer) = plan.without_work() {
         return Ok(answer);
     }
 
+    let Harmonics { job, modes, bases, reservation } = request.harmonics(eigen, 0).await?;
     let store = &request.service.store;
     let cloud = Arc::new(store.load_cloud(job.cloud_id).await?);
     let mass = store.mass(job.id).await?;
-    let rows_without_result = crate::harmonics::functions::rows_without_result(&mass);
-    let area: f64 = mass.iter().filter(|mass| !mass.is_nan()).sum();
     let source = Arc::clone(&cloud);
-    let neighborhoods =
-        request.service.compute.run(move || Neighborhoods::find(&source, &mass, radius)).await??;
-    let neighborhoods = Arc::new(neighborhoods);
+    let surveyed = request.service.pools.answering.run(move || {
+        let area: f64 = mass.iter().filter(|mass| !mass.is_nan()).sum();
+        (Neighborhoods::find(&source, &mass, radius), rows_without_result(&mass), area)
+    });
+    let (neighborhoods, rows_without_result, area) = surveyed.await?;
+    let neighborhoods = Arc::new(neighborhoods?);
     let around = Arc::clone(&neighborhoods);
     let first = modes.zero_modes().min(count);
     let extrema =
@@ -102,7 +107,7 @@ pub(crate) async fn features(request: ResultRequest<ReadFeatures>) -> Result<Res
     let offer = request.offer;
     let answer = Answer { cloud, neighborhoods, modes, first, count, persistence, limit };
     let (job_id, cloud_id) = (job.id, job.cloud_id);
-    let encode = move || {
+    let encode = move |wanted: &Wanted| {
         let found = answer.places(&extrema);
         if offer == PLY {
             return Ok(salient::as_ply(&found, &answer.cloud));
@@ -122,12 +127,12 @@ pub(crate) async fn features(request: ResultRequest<ReadFeatures>) -> Result<Res
             clusters: clusters.collect(),
             features: found,
         };
-        serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
+        download::json(&answer, wanted)
     };
-    plan.send(reservation, request.service.compute.run(encode).await??)
+    plan.send(reservation, request.service.pools.answering.run_while_wanted(encode).await??)
 }
 
-/// What the extrema are looked at with.
+/// Inputs of the final ranking.
 struct Answer {
     cloud: Arc<PointCloud>,
     neighborhoods: Arc<Neighborhoods>,

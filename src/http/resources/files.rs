@@ -1,6 +1,7 @@
 //! Results under file names, for `curl -O`: `/jobs/{id}/bases.npy` is `/jobs/{id}/bases?format=npy`.
 
 use std::future::Future;
+use std::sync::LazyLock;
 
 use axum::extract::{Request, State};
 use axum::response::Response;
@@ -8,23 +9,33 @@ use axum::routing::get;
 use utoipa_axum::router::OpenApiRouter;
 
 use super::{bases, coefficients, distances, features, filtered, operator, signatures, spectrum};
+use crate::arguments::Argument;
 use crate::http::results::offered::Resource;
-use crate::http::results::request::ResultRequest;
+use crate::http::results::request::{Query, ResultRequest};
 use crate::http::service::Shared;
 use crate::http::wire::accept::Offer;
 use crate::http::wire::problem::Problem;
+use crate::http::wire::query;
 
-/// Results that have file names, by the last part of their path, with their formats.
-pub(crate) fn named() -> Vec<(&'static str, &'static [Offer])> {
-    routes().1
+/// A result of jobs that has file names.
+pub(crate) struct Named {
+    /// The last part of its path.
+    pub name: &'static str,
+    /// Its formats.
+    pub offers: &'static [Offer],
+    /// Its parameters.
+    pub parameters: fn() -> Vec<Argument>,
 }
+
+/// Results that have file names.
+pub(crate) static NAMED: LazyLock<Vec<Named>> = LazyLock::new(|| routes().1);
 
 /// The routes of all files.
 pub(crate) fn router() -> OpenApiRouter<Shared> {
     routes().0
 }
 
-type Routes = (OpenApiRouter<Shared>, Vec<(&'static str, &'static [Offer])>);
+type Routes = (OpenApiRouter<Shared>, Vec<Named>);
 
 fn routes() -> Routes {
     let routes = Routes::default();
@@ -56,19 +67,6 @@ where
         };
         router = router.route(&format!("/jobs/{{id}}/{name}.{}", offer.name), get(file));
     }
-    named.push((name, R::OFFERS));
+    named.push(Named { name, offers: R::OFFERS, parameters: query::table::<Query<R>> });
     (router, named)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::http::resources::jobs::EIGEN_RESULTS;
-
-    #[test]
-    fn every_result_that_a_job_links_to_has_files() {
-        let named: Vec<_> = named().into_iter().map(|(name, _)| name).collect();
-        let linked: Vec<_> = named.iter().copied().filter(|&name| name != "operator").collect();
-        assert_eq!(linked, EIGEN_RESULTS);
-    }
 }

@@ -15,20 +15,23 @@ use crate::harmonics::collapse::collapse;
 use crate::harmonics::filtered::rows as rows_of;
 use crate::harmonics::filtered::{Change, Named, Target};
 use crate::harmonics::functions::rows_without_result;
-use crate::harmonics::{Bands, Filter, Transfer};
+use crate::harmonics::{Bands, Filter, Modes, Transfer};
 use crate::http::results::cloud_file::{self, Ply, Rows, Unplaced};
-use crate::http::results::functions::{self, NumberLists, of_own};
+use crate::http::results::functions::{self, NumberLists, own_coefficients};
 use crate::http::results::offered::{Resource, offered};
 use crate::http::results::request::{self, Harmonics, ResultRequest};
-use crate::http::results::rows::npy_file;
+use crate::http::results::rows::{joined, npy_file};
 use crate::http::results::view;
 use crate::http::wire::accept::{CSV, JSON, LAS, LAZ, NPY, NPZ, OBJ, OFF, Offer, PCD, PLY, PNG, STL, XYZ};
 use crate::http::wire::body::IncomingBody;
 use crate::http::wire::download;
+use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::problem_sets::{BodyProblems, RangeProblem, ResultProblems};
 use crate::jobs::Wanted;
 use crate::picture::{Paint, View};
+use crate::spectrum::Spectrum;
+use crate::store::JobRecord;
 
 groups! {
     /// What is filtered, and how it is answered.
@@ -62,8 +65,8 @@ arguments! {
     /// What lies outside of posted gains.
     #[derive(Debug)]
     pub(crate) struct Outside {
-        /// Factor on what lies outside of the span of the bases, and on the modes behind the end of the list: 0 drops it, 1
-        /// keeps it.
+        /// Factor on what lies outside of the span of the bases, and on modes past the end of the list: 0 drops it, 1 keeps
+        /// it.
         outside: f64 = nonnegative, default 0.0;
     }
 }
@@ -80,7 +83,7 @@ groups! {
 }
 
 offered!(ReadFiltered: [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG] by filtering.view, "Format of the answer: `ply`, `npz`, `csv`, `xyz`, `las`, `laz`, `pcd`, `obj`, `off` and `stl` are the upload with the filtered numbers in place, as far as the format holds it; `json` has them with gains and energies; `npy` is an array of points × coordinates or fields; `png` is a picture, colored by the first field that was filtered.");
-offered!(FilterByGains: [PLY, JSON, NPY, NPZ, CSV, XYZ, LAS, LAZ, PCD, OBJ, OFF, STL, PNG] by filtering.view, "Format of the answer, as for GET.");
+offered!(FilterByGains as ReadFiltered by filtering.view, "Format of the answer, as for GET.");
 
 /// A filtered cloud as JSON.
 #[derive(Debug, Serialize, ToSchema)]
@@ -98,7 +101,7 @@ pub(crate) struct Filtered {
     transfer: Transfer,
     /// Index ranges `[first, last]` of modes with different gains among which the choice of bases is arbitrary.
     divided_clusters: Vec<[usize; 2]>,
-    /// What the caller should know, as that the filter leaves nothing of the shape of the cloud.
+    /// Warnings, for example that the filter removes the cloud's shape.
     warnings: Vec<String>,
     /// Energy of every filtered function, before and after.
     energy: BTreeMap<String, Change>,
@@ -122,24 +125,25 @@ pub(crate) struct Filtered {
     tag = "harmonics",
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadFiltered>),
     responses(
-        (status = 200, description = "The filtered cloud.", content((Vec<u8> = "application/ply"), (Filtered = "application/json"), (Vec<u8> = "application/x-npy")), headers(("ETag" = String, description = "Of these bytes."))),
-        (status = 206, description = "The range request for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
+        (status = 200, description = "The filtered cloud.", body = Filtered, headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 206, description = "The requested range.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
         (status = 304, description = "The client's copy is current."),
         RangeProblem,
         ResultProblems,
     )
 )]
 pub(crate) async fn filtered(request: ResultRequest<ReadFiltered>) -> Result<Response, Problem> {
-    let harmonics = request.harmonics().await?;
+    let eigen = request.eigen().await?;
     let ReadFiltered { filter, filtering } = &request.arguments;
-    let transfer = filter.transfer(&harmonics.modes)?;
-    answer(&request, filtering, harmonics, transfer, filter.describe()).await
+    let transfer = filter.transfer(&Modes::of(&eigen.1))?;
+    let reservation = request.service.memory.begin(request.owner.clone());
+    answer(&request, filtering, (eigen, reservation), transfer, filter.describe()).await
 }
 
 /// The upload filtered by a list of gains, one per mode.
 ///
-/// The body is JSON (`[1, 1, 0.5]` or `{"gains": […]}`) or an npy file. Modes behind the list's end are treated as what
-/// lies outside of the bases: by `outside`, which is 0 unless given.
+/// The body is JSON (`[1, 1, 0.5]` or `{"gains": […]}`) or an npy file. Modes past the end of the list are treated
+/// like the part outside the bases: by `outside`, which is 0 unless given.
 #[utoipa::path(
     post,
     path = "/jobs/{id}/filtered",
@@ -165,16 +169,16 @@ pub(crate) async fn by_gains(
         ));
     }
     request.forget_conditions();
-    let harmonics = request.harmonics_of(eigen, reservation, 0).await?;
     let FilterByGains { outside: Outside { outside }, filtering } = &request.arguments;
-    let transfer = Transfer::from_gains(lists.swap_remove(0).values, *outside, &harmonics.modes)?;
-    answer(&request, filtering, harmonics, transfer, "gains as given".to_owned()).await
+    let modes = Modes::of(&eigen.1);
+    let transfer = Transfer::from_gains(lists.swap_remove(0).values, *outside, &modes)?;
+    answer(&request, filtering, (eigen, reservation), transfer, "gains as given".to_owned()).await
 }
 
 async fn answer<R: Resource>(
     request: &ResultRequest<R>,
     filtering: &Filtering,
-    mut harmonics: Harmonics,
+    (eigen, reservation): ((JobRecord, Spectrum), Reservation),
     transfer: Transfer,
     description: String,
 ) -> Result<Response, Problem> {
@@ -185,11 +189,12 @@ async fn answer<R: Resource>(
     let drawn = (*offer == PNG).then(|| view::key(&view));
     let determined =
         (names, (encoding, omits), bands, transfer.outside.to_bits(), &transfer.gains, &description, drawn);
-    let tag = request::tag(harmonics.job.id, &determined);
-    let plan = request.plan(tag, format!("filtered-{}", harmonics.job.id));
+    let tag = request::tag(eigen.0.id, &determined);
+    let plan = request.plan(tag, format!("filtered-{}", eigen.0.id));
     if let Some(answer) = plan.without_work() {
         return Ok(answer);
     }
+    let mut harmonics = request.harmonics_of(eigen, reservation, 0).await?;
     let cloud = Arc::new(service.store.load_cloud(harmonics.job.cloud_id).await?);
     let target = Target::named(&cloud, names)?;
     let columns = if target == Target::Coordinates { cloud.dimension() } else { names.len() };
@@ -197,8 +202,8 @@ async fn answer<R: Resource>(
     let mass = service.store.mass(harmonics.job.id).await?;
     let (source, chosen) = (Arc::clone(&cloud), target.clone());
     let choose = move || (chosen.functions(&source, &mass), rows_without_result(&mass), mass);
-    let (given, lost, mass) = service.compute.run(choose).await?;
-    let (given, found) = of_own(&mut harmonics, given?, mass).await?;
+    let (given, lost, mass) = service.pools.answering.run(choose).await?;
+    let (given, found) = own_coefficients(&mut harmonics, given?, mass).await?;
     let Harmonics { job, modes, bases, reservation } = harmonics;
     let divided_clusters = modes.divided_clusters(&transfer.gains);
     let energy = given
@@ -224,7 +229,7 @@ async fn answer<R: Resource>(
     };
     let (offer, kind, length) = (*offer, request.kind(), cloud.len());
     let encode = move |wanted: &Wanted| {
-        let columns = joined(&blocks, length);
+        let columns = joined(blocks, length);
         if target == Target::Coordinates {
             let before: Vec<&[f64]> = given.iter().map(|function| function.values.as_slice()).collect();
             head.warnings.extend(collapse(&before, &columns));
@@ -240,18 +245,7 @@ async fn answer<R: Resource>(
             }
         }
     };
-    plan.send(reservation, service.compute.run_while_wanted(encode).await??)
-}
-
-/// The columns of all blocks one behind another.
-fn joined(blocks: &[Vec<Vec<f64>>], rows: usize) -> Vec<Vec<f64>> {
-    let mut columns = vec![Vec::with_capacity(rows); blocks.first().map_or(0, Vec::len)];
-    for block in blocks {
-        for (column, values) in columns.iter_mut().zip(block) {
-            column.extend_from_slice(values);
-        }
-    }
-    columns
+    plan.send(reservation, service.pools.answering.run_while_wanted(encode).await??)
 }
 
 fn json(

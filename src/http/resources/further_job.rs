@@ -1,13 +1,12 @@
 //! Queuing a further job on a stored cloud.
 
 use axum::extract::{Path, State};
-use axum::http::Uri;
 use axum::response::Response;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::idempotency::{IdempotencyKey, Key};
-use super::submission::{JobArguments, Submission, answer, remember, replayed};
+use super::idempotency::{Idempotency, IdempotencyKey};
+use super::submission::{JobArguments, Submission, answer, replayed};
 use crate::analysis::{Examined, JobKind, Parameters};
 use crate::http::notation::parse_id;
 use crate::http::service::Shared;
@@ -17,7 +16,7 @@ use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::problem_sets::{CloudProblems, SubmissionProblems};
 use crate::http::wire::query::{FromQuery, from_json};
 
-/// Memory of a cloud and of what is looked at of it before an analysis, over the cloud's.
+/// Memory for examining a cloud, as a multiple of the cloud's.
 const ADMISSION_FACTOR: u64 = 4;
 /// JSON of parameters is small.
 const JOB_BYTES_MAX: u64 = 64 << 10;
@@ -54,19 +53,18 @@ pub(crate) async fn post_job(
     State(service): State<Shared>,
     Path(id): Path<String>,
     query: Result<FromQuery<()>, Problem>,
-    uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
     query.map_err(|_| {
-        let told = "the query has no parameters here; those of a job are sent as JSON: curl -d '{\"bases\": 50}' URL";
+        let told = "this request takes no query parameters; send job parameters as JSON: curl -d '{\"bases\": 50}' URL";
         Problem::new(Kind::UnknownParameter, told)
     })?;
     let id = parse_id(&id)?;
-    let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
-    let headers = body.headers().clone();
+    let (parts, owner) = (body.parts().clone(), body.owner());
+    let wait = preferred_wait(&parts.headers);
     let Received { bytes: body, mut reservation } = body.receive(JOB_BYTES_MAX).await?;
-    let key = Key::of(&headers, &uri, &body)?;
-    if let Some(answered) = replayed(&service, &owner, key.as_ref(), wait).await? {
+    let key = Idempotency::of(&parts.headers, &parts.uri, &body)?;
+    if let Some(answered) = replayed(&service, &owner, &key, wait).await? {
         return Ok(answered);
     }
     let asked = job_arguments(&body)?;
@@ -79,7 +77,7 @@ pub(crate) async fn post_job(
         // Stored by an older version: the cloud, and its points without those at the same place.
         reservation.add(ADMISSION_FACTOR * cloud.bytes()).await?;
         let cloud = service.store.load_cloud(id).await?;
-        service.reading.run(move || Examined::of(&cloud)).await?
+        service.pools.reading.run(move || Examined::of(&cloud)).await?
     };
     drop(reservation);
     if lowers {
@@ -88,7 +86,7 @@ pub(crate) async fn post_job(
         examined.admit(&parameters)?;
     }
     let submitted = service.store.submit_job(id, kind, parameters).await?;
-    remember(&service, &owner, key.as_ref(), &submitted).await?;
+    key.remember(&service.store, &owner, &submitted).await?;
     answer(&service, submitted, wait).await
 }
 

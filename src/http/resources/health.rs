@@ -47,22 +47,22 @@ pub(crate) async fn readyz(State(service): State<Shared>) -> Result<Json<Health>
     }
     if !service.jobs.are_alive() {
         tracing::error!("a worker died");
-        return Err(not_ready("workers", "a worker died; the service needs to be started again"));
+        return Err(not_ready("workers", "a worker died; restart the service"));
     }
     match service.store.refuse_when_disk_full().await {
         Ok(()) => {}
         Err(StoreError::StorageFull) => {
-            return Err(not_ready("disk", "less space is free on the disk than must stay so"));
+            return Err(not_ready("disk", "free disk space is below the configured floor"));
         }
         Err(error) => {
-            tracing::error!(%error, "the disk cannot be asked");
-            return Err(not_ready("disk", "the disk cannot be asked for its free space"));
+            tracing::error!(%error, "the free disk space cannot be read");
+            return Err(not_ready("disk", "the free disk space cannot be read"));
         }
     }
     match tokio::time::timeout(WRITE_TIME, service.store.probe()).await {
         Ok(Ok(())) => return Ok(Json(Health { status: "ok" })),
         Ok(Err(error)) => tracing::error!(%error, "the database does not take writes"),
-        Err(_) => tracing::error!("the database took no write in {} seconds", WRITE_TIME.as_secs()),
+        Err(_) => tracing::error!("a test write did not finish within {} seconds", WRITE_TIME.as_secs()),
     }
     Err(not_ready("database", "the database does not take writes"))
 }

@@ -1,9 +1,9 @@
-//! `Idempotency-Key`: a submission that is sent again under its name gets the answer that it had.
+//! `Idempotency-Key`: repeating a submission with its key returns the original answer.
 //!
 //! As in the IETF's draft-ietf-httpapi-idempotency-key-header: the same name with another request is refused. Refused
 //! requests are not remembered; sending one again meets the same refusal.
 
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Uri};
+use axum::http::{HeaderMap, HeaderValue, Uri};
 use axum::response::Response;
 use sha2::{Digest, Sha256};
 use utoipa::openapi::path::{Parameter, ParameterBuilder, ParameterIn};
@@ -11,34 +11,35 @@ use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
 use utoipa::openapi::{RefOr, Required};
 
 use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::request::REPLAYED;
 use crate::store::{Owner, Store, Submitted};
 
 /// The header.
 pub(crate) const HEADER: &str = "idempotency-key";
-/// What an answer carries that was given before.
-const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
 /// Longest name.
 const LENGTH_MAX: usize = 255;
 
-/// A named request.
+/// The name of a request, if it has one, and what tells the request apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Key {
+pub(crate) struct Idempotency(Option<Key>);
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Key {
     name: String,
     request: [u8; 32],
 }
 
-impl Key {
-    /// The name of a request, and what tells the request apart; `None` when it has no name.
+impl Idempotency {
+    /// Of a request with this body.
     ///
     /// # Errors
     /// A problem when the name is empty, too long, or not of visible characters.
-    pub(crate) fn of(headers: &HeaderMap, uri: &Uri, body: &[u8]) -> Result<Option<Self>, Problem> {
-        let Some(value) = headers.get(HEADER) else { return Ok(None) };
+    pub(crate) fn of(headers: &HeaderMap, uri: &Uri, body: &[u8]) -> Result<Self, Problem> {
+        let Some(value) = headers.get(HEADER) else { return Ok(Self(None)) };
         let refuse = || {
             let accepted = format!("1 to {LENGTH_MAX} visible ASCII characters, such as a UUID");
-            Problem::new(Kind::InvalidParameter, format!("the header Idempotency-Key is {accepted}"))
-                .with("parameter", "Idempotency-Key")
-                .with("accepted", accepted)
+            let told = format!("the header Idempotency-Key must be {accepted}");
+            Problem::invalid("Idempotency-Key", told).with("accepted", accepted)
         };
         let name = value.to_str().map_err(|_| refuse())?.trim();
         if name.is_empty() || name.len() > LENGTH_MAX || headers.get_all(HEADER).iter().count() > 1 {
@@ -49,7 +50,7 @@ impl Key {
         digest.update((target.len() as u64).to_le_bytes());
         digest.update(target);
         digest.update(body);
-        Ok(Some(Self { name: name.to_owned(), request: digest.finalize().into() }))
+        Ok(Self(Some(Key { name: name.to_owned(), request: digest.finalize().into() })))
     }
 
     /// What this very request was answered with before, if it was.
@@ -57,9 +58,10 @@ impl Key {
     /// # Errors
     /// A problem when the name was given to another request.
     pub(crate) async fn replayed(&self, store: &Store, owner: &Owner) -> Result<Option<Submitted>, Problem> {
-        match store.remembered(owner, &self.name).await? {
-            Some(known) if known.request == self.request => Ok(Some(known.submitted)),
-            Some(_) => Err(self.reused()),
+        let Some(key) = &self.0 else { return Ok(None) };
+        match store.remembered(owner, &key.name).await? {
+            Some(known) if known.request == key.request => Ok(Some(known.submitted)),
+            Some(_) => Err(key.reused()),
             None => Ok(None),
         }
     }
@@ -74,10 +76,13 @@ impl Key {
         owner: &Owner,
         submitted: &Submitted,
     ) -> Result<(), Problem> {
-        let known = store.remember(owner, self.name.clone(), self.request, submitted.clone()).await?;
-        if known.request == self.request { Ok(()) } else { Err(self.reused()) }
+        let Some(key) = &self.0 else { return Ok(()) };
+        let known = store.remember(owner, key.name.clone(), key.request, submitted.clone()).await?;
+        if known.request == key.request { Ok(()) } else { Err(key.reused()) }
     }
+}
 
+impl Key {
     fn reused(&self) -> Problem {
         Problem::new(
             Kind::KeyReused,
@@ -105,8 +110,8 @@ impl utoipa::IntoParams for IdempotencyKey {
             .min_length(Some(1))
             .max_length(Some(LENGTH_MAX))
             .build();
-        let description = "A name for this submission, for a day: sent again with the same request it is answered with \
-            the same cloud and job, with another one it is refused.";
+        let description = "Identifies this submission for a day: repeating the same request returns the same cloud and \
+            job; a different request is refused.";
         let parameter = ParameterBuilder::new()
             .name("Idempotency-Key")
             .parameter_in(ParameterIn::Header)
@@ -119,24 +124,29 @@ impl utoipa::IntoParams for IdempotencyKey {
 
 #[cfg(test)]
 mod tests {
+    use axum::http::HeaderName;
+
     use super::*;
 
-    fn key(name: &'static str, target: &'static str, body: &str) -> Result<Option<Key>, Problem> {
+    fn key(name: &'static str, target: &'static str, body: &str) -> Result<Idempotency, Problem> {
         let headers =
             HeaderMap::from_iter([(HeaderName::from_static(HEADER), HeaderValue::from_static(name))]);
-        Key::of(&headers, &Uri::from_static(target), body.as_bytes())
+        Idempotency::of(&headers, &Uri::from_static(target), body.as_bytes())
     }
 
     #[test]
     fn a_request_is_told_apart_by_path_query_and_body() {
-        let first = key("k", "/clouds?bases=5", "x").unwrap().unwrap();
-        assert_eq!(key("k", "/clouds?bases=5", "x").unwrap().unwrap(), first);
+        let first = key("k", "/clouds?bases=5", "x").unwrap();
+        assert_eq!(key("k", "/clouds?bases=5", "x").unwrap(), first);
         for (target, body) in
             [("/clouds?bases=6", "x"), ("/clouds", "x"), ("/clouds?bases=5", "y"), ("/clouds?bases=5x", "")]
         {
-            assert_ne!(key("k", target, body).unwrap().unwrap(), first);
+            assert_ne!(key("k", target, body).unwrap(), first);
         }
-        assert_eq!(Key::of(&HeaderMap::new(), &Uri::from_static("/"), b"").unwrap(), None);
+        assert_eq!(
+            Idempotency::of(&HeaderMap::new(), &Uri::from_static("/"), b"").unwrap(),
+            Idempotency(None)
+        );
     }
 
     #[test]

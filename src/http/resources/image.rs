@@ -73,5 +73,5 @@ pub(crate) async fn image(
         let legend = Legend { title: &shown, unit: "1/length" };
         view::png_with(&cloud, &Paint::Diverging(&values), &[], &view, (&title, &legend))
     };
-    plan.send(reservation, service.compute.run(draw).await??)
+    plan.send(reservation, service.pools.answering.run(draw).await??)
 }

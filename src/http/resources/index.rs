@@ -9,7 +9,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use super::page;
+use super::viewer_page;
 use crate::http::service::Shared;
 use crate::http::wire::accept::{self, HTML, JSON};
 use crate::http::wire::owners;
@@ -53,7 +53,7 @@ pub(crate) async fn index(
     // A client that accepts neither gets the list all the same.
     let mut response = if accept::choose(None, &headers, &[JSON, HTML]).is_ok_and(|offer| offer == HTML) {
         let owner = service.keys.is_none().then(|| owners::owner(&extensions));
-        page::page(&service, owner.as_ref(), &uri).await?
+        viewer_page::page(&service, owner.as_ref(), &uri).await?
     } else {
         links().into_response()
     };

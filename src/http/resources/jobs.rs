@@ -4,29 +4,31 @@ use std::collections::BTreeMap;
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::{Extensions, HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use serde::Serialize;
-use serde_json::{Map, Value};
-use sha2::{Digest, Sha256};
+use serde::{Serialize, Serializer};
 use utoipa::ToSchema;
 use uuid::Uuid;
 
-use crate::analysis::JobKind;
+use super::files;
+use crate::analysis::{JobKind, Parameters};
 use crate::arguments::{arguments, groups};
-use crate::http::notation::{now, parse_id, timestamp};
+use crate::http::notation::{now, parse_id, short_digest, timestamp};
 use crate::http::paging::Paging;
 use crate::http::service::Shared;
-use crate::http::wait::{Wait, settled};
+use crate::http::wait::{Wait, wait_until_ended};
+use crate::http::wire::accept::JSON;
+use crate::http::wire::download::Plan;
+use crate::http::wire::memory::Reservation;
+use crate::http::wire::owners;
 use crate::http::wire::problem::{Problem, ProblemDocument};
 use crate::http::wire::problem_sets::{JobProblems, QueryProblem};
 use crate::http::wire::query::FromQuery;
 use crate::http::wire::retry;
-use crate::http::wire::{download, owners};
 use crate::progress::Phase;
 use crate::store::{JobRecord, JobState, Page};
 
-/// Share of the work below which no end is foretold.
+/// No ETA is given below this fraction of the work.
 const FORESEEABLE_FROM: f64 = 0.02;
 
 arguments! {
@@ -71,7 +73,7 @@ pub(crate) struct JobView {
     /// Share of the work that is done, 0 to 1; it never decreases within an attempt. Where the computation reports nothing
     /// for a second it is extrapolated, never beyond its phase.
     progress: f64,
-    /// Estimated seconds to the end; null when there is nothing to go by.
+    /// Estimated seconds to the end; null when it cannot be estimated.
     eta_seconds: Option<f64>,
     /// Jobs that are queued before it; null unless queued.
     queue_position: Option<u64>,
@@ -79,7 +81,7 @@ pub(crate) struct JobView {
     attempt: u32,
     /// Parameters as used: those submitted, and once the job has succeeded also those derived from the cloud.
     #[schema(value_type = Object)]
-    parameters: Map<String, Value>,
+    parameters: Parameters,
     /// What to know before trusting the result.
     warnings: Vec<String>,
     /// Why it failed; null unless failed.
@@ -95,7 +97,8 @@ pub(crate) struct JobView {
     finished: Option<String>,
     /// Seconds spent in each phase of the last attempt, in order.
     #[schema(value_type = BTreeMap<String, f64>)]
-    phase_seconds: Map<String, Value>,
+    #[serde(serialize_with = "by_name")]
+    phase_seconds: Vec<(Phase, f64)>,
     /// Where its results and its cloud are.
     links: BTreeMap<&'static str, String>,
 }
@@ -121,17 +124,13 @@ impl JobView {
             created: timestamp(job.created),
             started: job.started.map(timestamp),
             finished: job.finished.map(timestamp),
-            phase_seconds: job
-                .phase_seconds
-                .iter()
-                .map(|(phase, s)| (phase.name().to_owned(), Value::from(*s)))
-                .collect(),
+            phase_seconds: job.phase_seconds.clone(),
             links: links(job),
         }
     }
 }
 
-/// The end foretold from the share that is done, when the last attempt runs.
+/// Seconds to the end, extrapolated from progress; only while running.
 fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> {
     let started =
         job.started.filter(|_| job.state == JobState::Running && job.progress >= FORESEEABLE_FROM)?;
@@ -141,33 +140,25 @@ fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> 
 }
 
 /// The parameters as used, as far as they are known.
-fn parameters_as_used(job: &JobRecord) -> Map<String, Value> {
-    let used = match &job.report {
-        Some(report) => job.parameters.as_used(report),
-        None => job.parameters.clone(),
-    };
-    match serde_json::to_value(&used) {
-        Ok(Value::Object(used)) => used,
-        _ => Map::new(),
-    }
+fn parameters_as_used(job: &JobRecord) -> Parameters {
+    job.report.as_ref().map_or_else(|| job.parameters.clone(), |report| job.parameters.as_used(report))
 }
 
-/// Results of eigen jobs, by the last part of their path.
-pub(crate) const EIGEN_RESULTS: [&str; 7] =
-    ["bases", "spectrum", "coefficients", "filtered", "features", "signatures", "distances"];
+fn by_name<S: Serializer>(phases: &[(Phase, f64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(phases.iter().map(|(phase, seconds)| (phase.name(), seconds)))
+}
+
+/// Where a job's results are, by their names.
+pub(super) fn result_links(job: &JobRecord) -> BTreeMap<&'static str, String> {
+    let results =
+        files::NAMED.iter().filter(|result| job.kind == JobKind::Eigen || result.name == "operator");
+    results.map(|result| (result.name, format!("/jobs/{}/{}", job.id, result.name))).collect()
+}
 
 fn links(job: &JobRecord) -> BTreeMap<&'static str, String> {
     let path = format!("/jobs/{}", job.id);
-    let mut links = BTreeMap::from([
-        ("cloud", format!("/clouds/{}", job.cloud_id)),
-        ("operator", format!("{path}/operator")),
-        ("events", format!("{path}/events")),
-    ]);
-    if job.kind == JobKind::Eigen {
-        for result in EIGEN_RESULTS {
-            links.insert(result, format!("{path}/{result}"));
-        }
-    }
+    let mut links = result_links(job);
+    links.extend([("cloud", format!("/clouds/{}", job.cloud_id)), ("events", format!("{path}/events"))]);
     if !job.state.is_terminal() {
         links.insert("cancel", format!("{path}/cancel"));
     }
@@ -219,7 +210,7 @@ pub(crate) async fn list(
     tag = "jobs",
     params(("id" = Uuid, Path, description = "The job."), FromQuery<Wait>),
     responses(
-        (status = 200, description = "The job.", body = JobView, headers(("Retry-After" = u64, description = "Seconds, while the job is not at its end."), ("ETag" = String, description = "Of this very state."))),
+        (status = 200, description = "The job.", body = JobView, headers(("Retry-After" = u64, description = "Seconds, while the job has not ended."), ("ETag" = String, description = "Identifies this state."))),
         (status = 304, description = "The client's copy is current."),
         JobProblems,
     )
@@ -228,17 +219,14 @@ pub(crate) async fn show(
     State(service): State<Shared>,
     Path(id): Path<String>,
     FromQuery(wait): FromQuery<Wait>,
+    method: Method,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let job = settled(&service, parse_id(&id)?, wait.time()).await?;
+    let job = wait_until_ended(&service, parse_id(&id)?, wait.time()).await?;
     let body = serde_json::to_vec(&JobView::new(&job, now())).map_err(|error| Problem::internal(&error))?;
-    let etag = format!("\"{}\"", Uuid::from_slice(&Sha256::digest(&body)[..16]).unwrap_or_default().simple());
-    let mut response = if download::is_known(&headers, &etag) {
-        StatusCode::NOT_MODIFIED.into_response()
-    } else {
-        ([(header::CONTENT_TYPE, "application/json")], body).into_response()
-    };
-    download::validate(&mut response, &etag);
+    let (tag, stem) = (short_digest(&body), format!("job-{}", job.id));
+    let plan = Plan { method: &method, headers: &headers, offer: JSON, tag, stem };
+    let mut response = plan.send(Reservation::small(), body)?;
     if !job.state.is_terminal() {
         response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(retry::JOB_SECONDS));
     }
@@ -272,7 +260,7 @@ pub(crate) async fn cancel(
 
 /// Deletes a job with its results.
 ///
-/// A queued job goes at once. One that runs is asked to cancel, and goes when its attempt ends, within a second or so (202).
+/// A queued job is deleted at once. A running job is canceled and deleted when its attempt ends, within a second or so (202).
 #[utoipa::path(
     delete,
     path = "/jobs/{id}",
@@ -281,7 +269,7 @@ pub(crate) async fn cancel(
     params(("id" = Uuid, Path, description = "The job.")),
     responses(
         (status = 204, description = "Deleted."),
-        (status = 202, description = "It was asked to cancel, and goes when it has ended.", body = JobView),
+        (status = 202, description = "Cancellation requested; it is deleted when it ends.", body = JobView),
         JobProblems,
     )
 )]

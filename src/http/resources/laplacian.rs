@@ -17,8 +17,10 @@ use crate::http::results::request::{self, ResultRequest};
 use crate::http::results::rows::npy_file;
 use crate::http::wire::accept::{JSON, NPY};
 use crate::http::wire::body::IncomingBody;
+use crate::http::wire::download;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::{BodyProblems, ResultProblems};
+use crate::jobs::Wanted;
 use crate::store::JobRecord;
 
 arguments! {
@@ -54,7 +56,7 @@ pub(crate) struct Laplacians {
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ApplyLaplacian>),
     request_body(content((NumberLists = "application/json"), (Vec<u8> = "application/x-npy")), description = "The functions."),
     responses(
-        (status = 200, description = "The Laplacians.", content((Laplacians = "application/json"), (Vec<u8> = "application/x-npy"))),
+        (status = 200, description = "The Laplacians.", body = Laplacians),
         BodyProblems,
         ResultProblems,
     )
@@ -70,16 +72,18 @@ pub(crate) async fn laplacian(
     request.refuse_large_json(given.len() as u64 * job.points)?;
     let store = &request.service.store;
     let cloud = store.cloud(job.cloud_id).await?.bytes();
-    // What comes out is as large as what was sent, and stands there as numbers and as they are sent.
+    // The result is as large as the input and exists twice: as numbers and encoded.
     let fields = given.len() as u64 * job.points * (8 + request.number_bytes());
     reservation.add(matrix::bytes_of(&job) + cloud + fields).await?;
     let (mass, matrix) = (store.mass(job.id).await?, store.operator_matrix(job.id).await?);
-    // rows without mass of their own repeat an earlier one
-    let cloud = if mass.contains(&0.0) { Some(store.load_cloud(job.cloud_id).await?) } else { None };
+    // Rows without mass of their own repeat an earlier one.
+    let looked_at = request.service.pools.answering.run(move || (mass.contains(&0.0), mass));
+    let (repeats, mass) = looked_at.await?;
+    let cloud = if repeats { Some(store.load_cloud(job.cloud_id).await?) } else { None };
     request.forget_conditions();
     let (offer, kind) = (request.offer, request.kind());
     let plan = request.plan(job.id.simple().to_string(), format!("laplacian-{}", job.id));
-    let computed = request.service.compute.run(move || {
+    let computed = request.service.pools.answering.run_while_wanted(move |wanted| {
         functions::check_finite(&given, &mass)?;
         let first = cloud.as_ref().and_then(|cloud| carriers(cloud, &mass));
         let apply = |function: &Function| {
@@ -94,13 +98,18 @@ pub(crate) async fn laplacian(
             let columns: Vec<&[f64]> = found.iter().map(|values| &values[..]).collect();
             return Ok(npy_file(&columns, kind));
         }
-        json(&job, &given, &found)
+        json(&job, &given, &found, wanted)
     });
     let bytes = computed.await??;
     plan.send(reservation, bytes)
 }
 
-fn json(job: &JobRecord, given: &[Function], found: &[Vec<f64>]) -> Result<Vec<u8>, Problem> {
+fn json(
+    job: &JobRecord,
+    given: &[Function],
+    found: &[Vec<f64>],
+    wanted: &Wanted,
+) -> Result<Vec<u8>, Problem> {
     let finite = |values: &Vec<f64>| values.iter().map(|&x| Some(x).filter(|x| x.is_finite())).collect();
     let names = given.iter().map(|function| function.name.clone());
     let answer = Laplacians {
@@ -110,5 +119,5 @@ fn json(job: &JobRecord, given: &[Function], found: &[Vec<f64>]) -> Result<Vec<u
         fields: names.zip(found.iter().map(finite)).collect(),
         warnings: job.report.as_ref().map(|report| report.warnings.clone()).unwrap_or_default(),
     };
-    serde_json::to_vec(&answer).map_err(|error| Problem::internal(&error))
+    download::json(&answer, wanted)
 }

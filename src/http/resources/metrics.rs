@@ -92,7 +92,7 @@ pub(crate) async fn metrics(State(service): State<Shared>) -> Result<Response, P
     let counted = service.store.jobs_by_state().await?;
     let jobs = STATES.map(|state| (state.name(), counted.get(&state).copied().unwrap_or(0)));
     let space = service.store.space().await?;
-    let levels = Gauges {
+    let gauges = Gauges {
         jobs: jobs.to_vec(),
         job_memory: service.jobs.memory_taken(),
         body_memory: service.memory.taken(),
@@ -102,6 +102,6 @@ pub(crate) async fn metrics(State(service): State<Shared>) -> Result<Response, P
         database_file: space.file,
         database_free: space.free_pages,
     };
-    let text = service.metrics.text(&levels).map_err(|error| Problem::internal(&error))?;
+    let text = service.metrics.text(&gauges).map_err(|error| Problem::internal(&error))?;
     Ok(([(header::CONTENT_TYPE, metrics::MEDIA_TYPE)], text).into_response())
 }

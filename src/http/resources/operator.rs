@@ -1,7 +1,6 @@
 //! The operator of a job: its description, and the matrices Q and B of `L = B⁻¹Q`.
 
-use axum::Json;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use utoipa::ToSchema;
@@ -13,6 +12,8 @@ use crate::http::results::matrix;
 use crate::http::results::offered::offered;
 use crate::http::results::request::{self, ResultRequest};
 use crate::http::wire::accept::{JSON, MTX, NPZ, Offer};
+use crate::http::wire::download;
+use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::ResultProblems;
 use crate::store::JobRecord;
@@ -42,7 +43,7 @@ const LINE_BYTES: u64 = 45;
 
 offered!(ReadOperator: [JSON, MTX, NPZ], "Format of the answer: `json` describes the operator, `mtx` (Matrix Market) and `npz` (scipy.sparse.load_npz) are a matrix.");
 
-/// The operator's description, and whose it is.
+/// An operator's description with its job and cloud.
 #[derive(Debug, Serialize, ToSchema)]
 pub(crate) struct OperatorView {
     /// The job.
@@ -51,7 +52,7 @@ pub(crate) struct OperatorView {
     cloud_id: Uuid,
     /// What the job computed.
     kind: JobKind,
-    /// What the analysis found out, the spectrum left out.
+    /// The report without its spectrum.
     #[serde(flatten)]
     #[schema(value_type = Report)]
     report: Map<String, Value>,
@@ -66,36 +67,43 @@ pub(crate) struct OperatorView {
     tag = "results",
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadOperator>),
     responses(
-        (status = 200, description = "The description or the matrix.", content((OperatorView = "application/json"), (String = "text/x-matrix-market"), (Vec<u8> = "application/x-npz"))),
+        (status = 200, description = "The description or the matrix.", body = OperatorView),
         (status = 304, description = "The client's copy is current."),
         ResultProblems,
     )
 )]
 pub(crate) async fn operator(request: ResultRequest<ReadOperator>) -> Result<Response, Problem> {
     let job = request.job().await?;
-    let (service, offer) = (&request.service, request.offer);
-    if offer == JSON {
-        return Ok(Json(describe(&job)?).into_response());
-    }
-    let name = <&str>::from(request.arguments.matrix).to_uppercase();
+    let (store, compute, offer) = (&request.service.store, &request.service.pools.answering, request.offer);
+    let which = request.arguments.matrix;
+    let name = if offer == JSON { "operator".to_owned() } else { <&str>::from(which).to_uppercase() };
     let plan = request.plan(format!("{}-{name}", job.id.simple()), format!("{name}-{}", job.id));
-    if request.arguments.matrix == Matrix::Q {
+    if offer != JSON && which == Matrix::Q {
         request::check_kept(&job)?;
     }
     if let Some(answer) = plan.without_work() {
         return Ok(answer);
     }
-    let reservation = request.reserve(bytes_of(&job, request.arguments.matrix, offer)).await?;
-    let matrix = match request.arguments.matrix {
-        Matrix::Q => service.store.operator_matrix(job.id).await?,
-        Matrix::B => diagonal(&service.store.mass(job.id).await?),
-    };
+    if offer == JSON {
+        let described = compute.run_while_wanted(move |wanted| download::json(&describe(&job)?, wanted));
+        return plan.send(Reservation::small(), described.await??);
+    }
+    let reservation = request.reserve(bytes_of(&job, which, offer)).await?;
     let encode = if offer == MTX { matrix::matrix_market } else { matrix::scipy_archive };
-    let bytes = service.compute.run_while_wanted(move |wanted| encode(&matrix, wanted)).await??;
-    plan.send(reservation, bytes)
+    let encoded = match which {
+        Matrix::Q => {
+            let matrix = store.operator_matrix(job.id).await?;
+            compute.run_while_wanted(move |wanted| encode(&matrix, wanted)).await
+        }
+        Matrix::B => {
+            let mass = store.mass(job.id).await?;
+            compute.run_while_wanted(move |wanted| encode(&diagonal(&mass), wanted)).await
+        }
+    };
+    plan.send(reservation, encoded??)
 }
 
-/// Bytes of memory that a matrix takes beside its file.
+/// Bytes of memory for a matrix and its encoded file.
 fn bytes_of(job: &JobRecord, matrix: Matrix, offer: Offer) -> u64 {
     let (entries, matrix) = match matrix {
         Matrix::B => (job.points, job.points * (matrix::ENTRY_BYTES + 3 * 8)),

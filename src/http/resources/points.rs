@@ -65,8 +65,8 @@ pub(crate) struct Points {
     tag = "clouds",
     params(("id" = Uuid, Path, description = "The cloud."), FromQuery<Offered<ReadPoints>>),
     responses(
-        (status = 200, description = "The points.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"), (Points = "application/json"), (Vec<u8> = "application/x-npz"), (String = "text/csv"), (String = "text/x-xyz"), (Vec<u8> = "application/vnd.las"), (Vec<u8> = "application/vnd.laszip"), (Vec<u8> = "application/x-pcd"), (String = "model/obj"), (String = "application/x-off"), (Vec<u8> = "model/stl"), (Vec<u8> = "image/png"))),
-        (status = 206, description = "The range asked for.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
+        (status = 200, description = "The points.", body = Points),
+        (status = 206, description = "The requested range.", content((Vec<u8> = "application/ply"), (Vec<u8> = "application/x-npy"))),
         (status = 304, description = "The client's copy is current."),
         CloudProblems,
         RangeProblem,
@@ -104,7 +104,7 @@ pub(crate) async fn points(
     let reservation = service.memory.reserve(owners::owner(&extensions), bytes).await?;
     let loaded = service.store.load_cloud(id).await?;
     let cloud = if omits && loaded.nonfinite() > 0 {
-        Arc::new(service.compute.run(move || loaded.without_nonfinite()).await??)
+        Arc::new(service.pools.answering.run(move || loaded.without_nonfinite()).await??)
     } else {
         Arc::new(loaded)
     };
@@ -114,15 +114,15 @@ pub(crate) async fn points(
             PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}")),
             _ => cloud_file::encode(&cloud, offer, encoding, &[], wanted),
         };
-        return plan.send(reservation, service.compute.run_while_wanted(encode).await??);
+        return plan.send(reservation, service.pools.answering.run_while_wanted(encode).await??);
     }
     let layout = if offer == NPY {
         npy_layout(cloud.len(), cloud.dimension(), array.kind(offer))
     } else {
         let shown = Arc::clone(&cloud);
-        service.compute.run(move || ply_layout(&shown, ply_properties(&shown))).await?
+        service.pools.answering.run(move || ply_layout(&shown, ply_properties(&shown))).await?
     };
-    let compute = service.compute.clone();
+    let compute = service.pools.answering.clone();
     plan.answer(Some(layout.length()), reservation, move |span| {
         layout.stream(span, move |chunk| {
             let (compute, cloud) = (compute.clone(), Arc::clone(&cloud));

@@ -32,7 +32,7 @@ pub(crate) struct ProblemKind {
 )]
 pub(crate) async fn problem_kind(Path(name): Path<String>) -> Result<Json<ProblemKind>, Problem> {
     let kind = Kind::ALL.into_iter().find(|kind| kind.name() == name);
-    let kind = kind.ok_or_else(|| Problem::new(Kind::NotFound, "there is no problem of this name"))?;
+    let kind = kind.ok_or_else(|| Problem::new(Kind::NotFound, "unknown problem type"))?;
     let status = kind.status().as_u16();
     Ok(Json(ProblemKind { kind: format!("/problems/{name}"), title: kind.title(), status }))
 }

@@ -1,4 +1,4 @@
-//! The spectrum of a job: eigenvalues and what tells how far to trust them.
+//! The spectrum of a job: eigenvalues and their certificates.
 
 use std::fmt::Write as _;
 
@@ -14,9 +14,11 @@ use crate::harmonics::invariants::{self, Invariants};
 use crate::http::results::offered::offered;
 use crate::http::results::request::{self, ResultRequest};
 use crate::http::wire::accept::{CSV, JSON, SVG};
+use crate::http::wire::download;
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::ResultProblems;
+use crate::jobs::Wanted;
 use crate::picture;
 use crate::spectrum::Spectrum;
 use crate::store::JobRecord;
@@ -29,7 +31,7 @@ arguments! {
 
 offered!(ReadSpectrum: [JSON, CSV, SVG], "Format of the answer; `svg` is a plot.");
 
-/// A spectrum, and whose it is.
+/// A spectrum with its job and cloud.
 #[derive(Debug, Serialize, ToSchema)]
 pub(crate) struct SpectrumView {
     /// The job.
@@ -68,7 +70,7 @@ fn surface(report: Option<&Report>) -> Option<&Report> {
     tag = "results",
     params(("id" = Uuid, Path, description = "The job."), ResultRequest<ReadSpectrum>),
     responses(
-        (status = 200, description = "The spectrum; as CSV one row per eigenvalue; as SVG a plot of the eigenvalues by their number.", content((SpectrumView = "application/json"), (String = "text/csv"), (String = "image/svg+xml")), headers(("ETag" = String, description = "Of these bytes."))),
+        (status = 200, description = "The spectrum; as CSV one row per eigenvalue; as SVG a plot of the eigenvalues by their number.", body = SpectrumView, headers(("ETag" = String, description = "Of these bytes."))),
         (status = 304, description = "The client's copy is current."),
         ResultProblems,
     )
@@ -76,20 +78,20 @@ fn surface(report: Option<&Report>) -> Option<&Report> {
 pub(crate) async fn spectrum(request: ResultRequest<ReadSpectrum>) -> Result<Response, Problem> {
     let (job, spectrum) = request.eigen().await?;
     let plan = request.plan(request::tag(job.id, &"spectrum"), format!("spectrum-{}", job.id));
-    if let Some(answer) = plan.unchanged() {
+    if let Some(answer) = plan.without_work() {
         return Ok(answer);
     }
     let offer = request.offer;
-    let bytes = request.service.compute.run(move || match offer {
+    let bytes = request.service.pools.answering.run_while_wanted(move |wanted| match offer {
         CSV => Ok(csv(&spectrum).into_bytes()),
         SVG => Ok(svg(job.report.as_ref(), &spectrum).into_bytes()),
-        _ => json(&job, spectrum),
+        _ => json(&job, spectrum, wanted),
     });
     // A thousand eigenvalues at most, each with a few numbers.
     plan.send(Reservation::small(), bytes.await??)
 }
 
-fn json(job: &JobRecord, spectrum: Spectrum) -> Result<Vec<u8>, Problem> {
+fn json(job: &JobRecord, spectrum: Spectrum, wanted: &Wanted) -> Result<Vec<u8>, Problem> {
     let report = job.report.as_ref();
     let invariants =
         surface(report).map(|report| invariants::measure(&Modes::of(&spectrum), &report.sampling));
@@ -100,7 +102,7 @@ fn json(job: &JobRecord, spectrum: Spectrum) -> Result<Vec<u8>, Problem> {
         uncertainty: traced.map(|traced| traced.uncertainty),
     };
     let view = SpectrumView { job_id: job.id, cloud_id: job.cloud_id, area, invariants, spectrum };
-    serde_json::to_vec(&view).map_err(|error| Problem::internal(&error))
+    download::json(&view, wanted)
 }
 
 fn svg(report: Option<&Report>, spectrum: &Spectrum) -> String {

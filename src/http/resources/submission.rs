@@ -6,14 +6,14 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Path, State};
-use axum::http::{HeaderName, HeaderValue, StatusCode, Uri, header};
+use axum::http::{HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::cloud_name;
 use super::clouds::CloudView;
-use super::idempotency::{self, IdempotencyKey, Key};
+use super::idempotency::{self, Idempotency, IdempotencyKey};
 use super::jobs;
 use super::jobs::JobView;
 use crate::analysis::{Examined, JobKind, Parameters, Task};
@@ -22,7 +22,7 @@ use crate::cloud::PointCloud;
 use crate::cloud::reader::{self, Format, ReadOptions, ReadRequest};
 use crate::http::notation::now;
 use crate::http::service::{Service, Shared};
-use crate::http::wait::{preferred_wait, settled};
+use crate::http::wait::{preferred_wait, wait_until_ended};
 use crate::http::wire::body::IncomingBody;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::UploadProblems;
@@ -124,7 +124,7 @@ pub(crate) fn narrowed(bases_max: usize) -> Vec<Argument> {
 /// What is queued on a cloud.
 type Job = (JobKind, Parameters);
 
-/// What a submission came to.
+/// The result of a submission.
 #[derive(Debug, Serialize, ToSchema)]
 pub(crate) struct Submission {
     /// The cloud.
@@ -161,7 +161,7 @@ pub(crate) struct CloudForm {
 
 /// Uploads a cloud and queues a job on it.
 ///
-/// The body is the file itself, or multipart/form-data whose first file part it is. The same content is stored
+/// The body is the file itself, or multipart/form-data with the file as its first file part. The same content is stored
 /// once; the same analysis of it is answered with the job that is already there.
 #[utoipa::path(
     post,
@@ -177,10 +177,9 @@ pub(crate) struct CloudForm {
 pub(crate) async fn post_cloud(
     State(service): State<Shared>,
     FromQuery(asked): FromQuery<SubmitCloud>,
-    uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, asked, &uri, body, None).await
+    receive(&service, asked, body, None).await
 }
 
 /// Uploads a cloud: the same as POST, for `curl -T`.
@@ -198,10 +197,9 @@ pub(crate) async fn post_cloud(
 pub(crate) async fn put_cloud(
     State(service): State<Shared>,
     FromQuery(asked): FromQuery<SubmitCloud>,
-    uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, asked, &uri, body, None).await
+    receive(&service, asked, body, None).await
 }
 
 /// Uploads a cloud with its file name, as `curl -T scan.ply http://HOST/clouds/` does.
@@ -222,63 +220,48 @@ pub(crate) async fn put_cloud_named(
     State(service): State<Shared>,
     Path(file_name): Path<String>,
     FromQuery(asked): FromQuery<SubmitCloud>,
-    uri: Uri,
     body: IncomingBody,
 ) -> Result<Response, Problem> {
-    receive(&service, asked, &uri, body, Some(file_name)).await
+    receive(&service, asked, body, Some(file_name)).await
 }
 
-/// The answer to a request that was answered before under the same name.
+/// The replayed answer to a request with a known idempotency key.
 pub(super) async fn replayed(
     service: &Service,
     owner: &Owner,
-    key: Option<&Key>,
+    key: &Idempotency,
     wait: Option<Duration>,
 ) -> Result<Option<Response>, Problem> {
-    let Some(key) = key else { return Ok(None) };
     let Some(submitted) = key.replayed(&service.store, owner).await? else { return Ok(None) };
     let mut response = answer(service, submitted, wait).await?;
     idempotency::mark(&mut response);
     Ok(Some(response))
 }
 
-pub(super) async fn remember(
-    service: &Service,
-    owner: &Owner,
-    key: Option<&Key>,
-    submitted: &Submitted,
-) -> Result<(), Problem> {
-    match key {
-        Some(key) => key.remember(&service.store, owner, submitted).await,
-        None => Ok(()),
-    }
-}
-
 async fn receive(
     service: &Service,
     asked: SubmitCloud,
-    uri: &Uri,
     body: IncomingBody,
     file_name: Option<String>,
 ) -> Result<Response, Problem> {
     let SubmitCloud { naming, upload: ReadUpload { reading, analyze }, job } = asked;
     let lowers = !job.parameters.is_bases_given;
     let (kind, parameters) = job.checked(service.limits.bases_max)?;
-    let (wait, owner) = (preferred_wait(body.headers()), body.owner().clone());
-    let (headers, target) = (body.headers().clone(), uri.clone());
+    let (parts, owner) = (body.parts().clone(), body.owner());
+    let wait = preferred_wait(&parts.headers);
     let (mut upload, reservation) = Upload::receive(service, body).await?;
     upload.file_name = upload.file_name.or(file_name);
     let named = upload.bytes.clone();
-    let key = service.reading.run(move || Key::of(&headers, &target, &named)).await??;
-    if let Some(answered) = replayed(service, &owner, key.as_ref(), wait).await? {
+    let key = move || Idempotency::of(&parts.headers, &parts.uri, &named);
+    let key = service.pools.reading.run(key).await??;
+    if let Some(answered) = replayed(service, &owner, &key, wait).await? {
         return Ok(answered);
     }
     let name = cloud_name::of(naming.name.as_deref(), upload.file_name.as_deref())?;
-    let format = upload.format(reading.format)?;
     let job = analyze.analyze.then_some((kind, parameters));
-    let options = reading.options(service.limits.reader);
+    let options = reading.options(service.limits.reader());
     let (cloud, examined, job) =
-        service.reading.run(move || read(upload, format, &options, job, lowers)).await??;
+        service.pools.reading.run(move || read(upload, reading.format, &options, job, lowers)).await??;
     let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), &examined, job).await?;
     if let (Some(name), None) = (name, &submitted.cloud.name) {
         submitted.cloud = service.store.name_cloud(submitted.cloud.id, name).await?;
@@ -287,19 +270,19 @@ async fn receive(
         }
     }
     drop(reservation);
-    remember(service, &owner, key.as_ref(), &submitted).await?;
+    key.remember(&service.store, &owner, &submitted).await?;
     answer(service, submitted, wait).await
 }
 
-/// Parses and admits, on a compute thread; `lowers` a number of bases that nobody named.
+/// Parses and admits, on a compute thread; `lowers` the default number of bases if the cloud allows fewer.
 fn read(
     upload: Upload,
-    format: Format,
+    named: Option<Format>,
     options: &ReadOptions,
     mut job: Option<Job>,
     lowers: bool,
 ) -> Result<(PointCloud, Examined, Option<Job>), Problem> {
-    let cloud = reader::read(&upload.bytes, format, options)?;
+    let cloud = reader::read(&upload.bytes, upload.format(named)?, options)?;
     drop(upload);
     let examined = Examined::of(&cloud);
     if let Some((_, parameters)) = &mut job {
@@ -331,22 +314,16 @@ pub(super) async fn answer(
         service.jobs.wake();
     }
     if let (Some(wait), Some(queued)) = (wait, &job) {
-        job = Some(settled(service, queued.id, wait).await?);
+        job = Some(wait_until_ended(service, queued.id, wait).await?);
     }
     let cloud_path = format!("/clouds/{}", cloud.id);
-    let mut links =
-        BTreeMap::from([("cloud", cloud_path.clone()), ("points", format!("{cloud_path}/points"))]);
+    let mut links = job.as_ref().map_or_else(BTreeMap::new, jobs::result_links);
+    links.extend([("cloud", cloud_path.clone()), ("points", format!("{cloud_path}/points"))]);
     let (status, location) = match &job {
         None if cloud_created => (StatusCode::CREATED, cloud_path),
         None => (StatusCode::OK, cloud_path),
         Some(job) => {
             let path = format!("/jobs/{}", job.id);
-            if job.kind == JobKind::Eigen {
-                for result in jobs::EIGEN_RESULTS {
-                    links.insert(result, format!("{path}/{result}"));
-                }
-            }
-            links.insert("operator", format!("{path}/operator"));
             links.insert("job", path.clone());
             (if job_created { StatusCode::ACCEPTED } else { StatusCode::OK }, path)
         }

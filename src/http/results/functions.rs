@@ -41,10 +41,9 @@ pub(crate) async fn receive(
     if bytes.is_empty() {
         return Err(malformed("the body is empty"));
     }
-    let lists = service.reading.run(move || parse(&bytes)).await??;
+    let lists = service.pools.reading.run(move || parse(&bytes)).await??;
     if lists.is_empty() || lists.len() > LISTS_MAX {
-        let detail =
-            format!("the body holds {} lists of numbers; 1 to {LISTS_MAX} are accepted", lists.len());
+        let detail = format!("the body has {} lists of numbers; send 1 to {LISTS_MAX}", lists.len());
         return Err(Problem::new(Kind::MalformedRequest, detail));
     }
     Ok((lists, reservation))
@@ -82,12 +81,10 @@ fn malformed(what: &str) -> Problem {
 pub(crate) fn check_length(functions: &[Function], rows: usize) -> Result<(), Problem> {
     match functions.iter().find(|function| function.values.len() != rows) {
         None => Ok(()),
-        Some(function) => Err(Problem::new(
-            Kind::InvalidParameter,
-            format!("`{}` has {} values; the upload has {rows} rows", function.name, function.values.len()),
-        )
-        .with("parameter", function.name.clone())
-        .with("points", rows)),
+        Some(Function { name, values, .. }) => {
+            let told = format!("`{name}` has {} values; the upload has {rows} rows", values.len());
+            Err(Problem::invalid(name, told).with("points", rows))
+        }
     }
 }
 
@@ -98,15 +95,9 @@ pub(crate) fn check_length(functions: &[Function], rows: usize) -> Result<(), Pr
 pub(crate) fn check_finite(functions: &[Function], mass: &[f64]) -> Result<(), Problem> {
     for function in functions {
         if let Some(row) = first_nonfinite(&function.values, mass) {
-            return Err(Problem::new(
-                Kind::InvalidParameter,
-                format!(
-                    "`{}` is not finite in row {row} (counting from 0); only rows without a result may be null",
-                    function.name
-                ),
-            )
-            .with("parameter", function.name.clone())
-            .with("row", row));
+            let told = "(counting from 0); only rows without a result may be null";
+            let told = format!("`{}` is not finite in row {row} {told}", function.name);
+            return Err(Problem::invalid(&function.name, told).with("row", row));
         }
     }
     Ok(())
@@ -119,7 +110,7 @@ pub(crate) fn check_finite(functions: &[Function], mass: &[f64]) -> Result<(), P
 pub(crate) struct NumberLists(Value);
 
 /// Of functions of the upload itself: as stored with the result, else by a pass over the bases.
-pub(crate) async fn of_own(
+pub(crate) async fn own_coefficients(
     harmonics: &mut Harmonics,
     given: Vec<Function>,
     mass: Vec<f64>,
@@ -134,12 +125,12 @@ pub(crate) async fn of_own(
     let found: Option<Vec<Transformed>> = given.iter().map(|f| stored.remove(&f.name)).collect();
     match found {
         Some(found) => Ok((Arc::new(given), found)),
-        None => forward(harmonics, given, mass).await,
+        None => project(harmonics, given, mass).await,
     }
 }
 
 /// One pass over the bases; gives the functions back. Small bases are kept for a pass back.
-pub(crate) async fn forward(
+pub(crate) async fn project(
     harmonics: &mut Harmonics,
     given: Vec<Function>,
     mass: Vec<f64>,

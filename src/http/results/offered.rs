@@ -57,6 +57,17 @@ pub(crate) trait Resource: Arguments + Send + Sync + 'static {
 
 /// Says in which formats the resource of some arguments is offered.
 macro_rules! offered {
+    ($arguments:ty as $other:ident $(by $($view:ident).+)?, $formats:literal) => {
+        impl $crate::http::results::offered::Resource for $arguments {
+            const OFFERS: &'static [$crate::http::wire::accept::Offer] = $other::OFFERS;
+            const NAMES: &'static [&'static str] = $other::NAMES;
+            const FORMATS: &'static str = $formats;
+
+            $(fn view(&self) -> $crate::picture::View {
+                self.$($view).+
+            })?
+        }
+    };
     ($arguments:ty: [$($offer:expr),+ $(,)?] $(by $($view:ident).+)?, $formats:literal) => {
         impl $crate::http::results::offered::Resource for $arguments {
             const OFFERS: &'static [$crate::http::wire::accept::Offer] = &[$($offer),+];

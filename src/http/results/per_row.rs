@@ -2,126 +2,101 @@
 
 use std::sync::Arc;
 
+use axum::http::Method;
 use axum::response::Response;
-use serde_json::{Map, Value};
 
 use super::offered::Resource;
-use super::request::ResultRequest;
-use super::rows::{axes, npy_layout, ply_layout};
-use crate::cloud::writer::{Column, encode_rows, npy_vector_header, ply_columns, ply_properties};
-use crate::cloud::{PointCloud, ScalarType};
+use super::request::{Harmonics, ResultRequest};
+use super::rows::{Table, joined, ply_length};
 use crate::harmonics::Block;
-use crate::http::wire::accept::{JSON, PLY};
-use crate::http::wire::memory::Reservation;
+use crate::http::wire::accept::{JSON, NPY, PLY};
+use crate::http::wire::download::Plan;
 use crate::http::wire::problem::Problem;
-use crate::jobs::StoredBases;
+use crate::jobs::Wanted;
 use crate::store::JobRecord;
 
-/// Makes the columns of a block of rows.
-type Work = dyn Fn(&Block<Vec<f64>>) -> Vec<Vec<f64>> + Send + Sync;
-
-/// Some numbers for every row.
-pub(crate) struct PerRow {
-    /// What they are made from.
-    pub bases: StoredBases,
-    /// Names of the columns, as PLY has them.
-    pub names: Vec<String>,
-    /// How they are made.
-    pub work: Arc<Work>,
-    /// A single column is an array of one axis, and in JSON not wrapped in another array.
-    pub is_single: bool,
-    /// What stands in JSON before the values.
-    pub head: Map<String, Value>,
-    /// Names the values, beside the job.
-    pub tag: String,
-    /// Of the file's name.
-    pub stem: &'static str,
-    /// Held until they are sent.
-    pub reservation: Reservation,
+/// Some numbers for every row, before they are made.
+pub(crate) struct PerRow<'a, R> {
+    request: &'a ResultRequest<R>,
+    plan: Plan<'a>,
+    names: Vec<String>,
+    is_vector: bool,
 }
 
-impl PerRow {
-    /// The answer in the format request for; the values are made as they are sent, except for JSON.
+impl<'a, R: Resource> PerRow<'a, R> {
+    /// Columns of these names, as PLY has them; `plan` names their values. A vector, of a single column, is an array of one
+    /// axis.
+    pub(crate) fn new(
+        request: &'a ResultRequest<R>,
+        plan: Plan<'a>,
+        names: Vec<String>,
+        is_vector: bool,
+    ) -> Self {
+        Self { request, plan, names, is_vector }
+    }
+
+    /// The answer that needs neither bases nor memory: to a client that has these bytes already, or wants none (HEAD).
+    ///
+    /// # Errors
+    /// As [`length`].
+    pub(crate) async fn without_work(&self, job: &JobRecord) -> Result<Option<Response>, Problem> {
+        let length = length(self.request, job, &self.names, self.is_vector).await?;
+        Ok(self.plan.without_bytes(length))
+    }
+
+    /// The answer. `work` makes the columns of a block of rows, as they are sent; but for JSON all of them are made before,
+    /// and `json` writes them.
     ///
     /// # Errors
     /// A problem.
-    pub(crate) async fn answer<R: Resource>(
-        mut self,
-        request: &ResultRequest<R>,
-        job: &JobRecord,
+    pub(crate) async fn answer(
+        self,
+        harmonics: Harmonics,
+        work: impl Fn(&Block<Vec<f64>>) -> Vec<Vec<f64>> + Send + Sync + 'static,
+        json: impl FnOnce(Vec<Vec<f64>>, &Wanted) -> Result<Vec<u8>, Problem> + Send + 'static,
     ) -> Result<Response, Problem> {
-        let plan = request.plan(self.tag.clone(), format!("{}-{}", self.stem, job.id));
-        if let Some(answer) = plan.unchanged() {
-            return Ok(answer);
+        let Harmonics { job, bases, reservation, .. } = harmonics;
+        let (service, rows) = (&self.request.service, bases.rows());
+        if self.request.offer == JSON {
+            let blocks = bases.map(work).await?;
+            let encode = move |wanted: &Wanted| json(joined(blocks, rows), wanted);
+            return self.plan.send(reservation, service.pools.answering.run_while_wanted(encode).await??);
         }
-        let compute = request.service.compute.clone();
-        if request.offer == JSON {
-            if let Some(answer) = plan.without_work() {
-                return Ok(answer);
-            }
-            let blocks = {
-                let work = Arc::clone(&self.work);
-                self.bases.map(move |block| work(block)).await?
-            };
-            let reservation = std::mem::replace(&mut self.reservation, Reservation::small());
-            return plan.send(reservation, compute.run(move || self.json(blocks)).await??);
-        }
-        let cloud = match request.offer {
-            PLY => Some(Arc::new(request.service.store.load_cloud(job.cloud_id).await?)),
+        let cloud = match self.request.offer {
+            PLY => Some(Arc::new(service.store.load_cloud(job.cloud_id).await?)),
             _ => None,
         };
-        let kind = request.kind();
-        let layout = match &cloud {
-            None if self.is_single => {
-                let mut layout = npy_layout(self.bases.rows(), 1, kind);
-                layout.header = npy_vector_header(self.bases.rows(), kind);
-                layout
-            }
-            None => npy_layout(self.bases.rows(), self.names.len(), kind),
-            Some(cloud) => {
-                let mut properties = ply_properties(cloud);
-                properties.truncate(axes(cloud));
-                properties.extend(self.names.iter().map(|name| (name.clone(), kind)));
-                let cloud = Arc::clone(cloud);
-                compute.run(move || ply_layout(&cloud, properties)).await?
-            }
-        };
-        let layout = layout.in_chunks_of(self.bases.block_rows());
-        let (bases, work) = (self.bases, self.work);
-        plan.answer(Some(layout.length()), self.reservation, |span| {
+        let table = Table { cloud, kind: self.request.kind(), is_vector: self.is_vector };
+        let (planned, names, work) = (table.clone(), self.names, Arc::new(work));
+        let layout = service.pools.answering.run(move || planned.layout(rows, &names)).await?;
+        let layout = layout.in_chunks_of(bases.block_rows());
+        self.plan.answer(Some(layout.length()), reservation, |span| {
             layout.stream(span, move |chunk| {
-                let (bases, work, cloud) = (bases.clone(), Arc::clone(&work), cloud.clone());
+                let (bases, work, table) = (bases.clone(), Arc::clone(&work), table.clone());
                 async move {
-                    let encoded = bases
-                        .of_block(chunk, move |block| encode(&work(block), block, cloud.as_deref(), kind));
-                    Ok(encoded.await?)
+                    let encode = move |block: &Block<Vec<f64>>| table.encode(block.first, &work(block));
+                    Ok(bases.of_block(chunk, encode).await?)
                 }
             })
         })
     }
-
-    /// The head, then `values`: one array per column.
-    fn json(mut self, blocks: Vec<Vec<Vec<f64>>>) -> Result<Vec<u8>, Problem> {
-        let mut columns = vec![Vec::with_capacity(self.bases.rows()); self.names.len()];
-        for block in blocks {
-            for (column, values) in columns.iter_mut().zip(block) {
-                column.extend(values);
-            }
-        }
-        let values = if self.is_single { Value::from(columns.swap_remove(0)) } else { Value::from(columns) };
-        self.head.insert("values".to_owned(), values);
-        serde_json::to_vec(&self.head).map_err(|error| Problem::internal(&error))
-    }
 }
 
-fn encode(
-    values: &[Vec<f64>],
-    block: &Block<Vec<f64>>,
-    cloud: Option<&PointCloud>,
-    kind: ScalarType,
-) -> Vec<u8> {
-    let mut columns = cloud.map_or_else(Vec::new, |cloud| ply_columns(cloud, block.first));
-    columns.truncate(cloud.map_or(0, axes));
-    columns.extend(values.iter().map(|values| Column { values, stride: 1, kind }));
-    encode_rows(&columns, block.rows())
+/// Length in bytes of columns for every row, told for HEAD without the cloud; `None` for other methods, and for text.
+///
+/// # Errors
+/// A problem: the cloud is gone.
+pub(crate) async fn length<R: Resource>(
+    request: &ResultRequest<R>,
+    job: &JobRecord,
+    names: &[String],
+    is_vector: bool,
+) -> Result<Option<u64>, Problem> {
+    let kind = request.kind();
+    Ok(match request.offer {
+        _ if request.method != Method::HEAD => None,
+        NPY => Some(Table { cloud: None, kind, is_vector }.layout(job.points as usize, names).length()),
+        PLY => Some(ply_length(&request.service.store.cloud(job.cloud_id).await?, names, kind)),
+        _ => None,
+    })
 }

@@ -15,6 +15,7 @@ use crate::analysis::JobKind;
 use crate::arguments::groups;
 use crate::cloud::ScalarType;
 use crate::harmonics::Modes;
+use crate::http::notation::short_digest;
 use crate::http::service::Shared;
 use crate::http::wait::{self, Wait};
 use crate::http::wire::accept::{self, JSON, NPY, Offer, PLY, PNG};
@@ -28,11 +29,11 @@ use crate::spectrum::Spectrum;
 use crate::store::{JobRecord, Owner};
 
 /// Answers as JSON, at most: text is three times the size of the numbers, and slow to read.
-pub(crate) const JSON_BYTES_MAX: u64 = 64 << 20;
+pub const JSON_BYTES_MAX: u64 = 64 << 20;
 /// Bytes of a number as JSON text, comma included: 17 digits, sign, point, and often an exponent.
-const JSON_NUMBER_BYTES: u64 = 22;
-/// Bytes of a number in blocks, in columns, and as a value of JSON.
-const VALUE_BYTES: u64 = 8 + 8 + 32;
+pub(crate) const JSON_NUMBER_BYTES: u64 = 22;
+/// Bytes of a number in blocks and in columns.
+const VALUE_BYTES: u64 = 8 + 8;
 
 groups! {
     /// The query of a request for a result.
@@ -155,29 +156,23 @@ impl<R: Resource> ResultRequest<R> {
         self.service.memory.reserve(self.owner.clone(), bytes).await
     }
 
-    /// The job, its modes and its stored bases, once it has succeeded.
+    /// The modes and stored bases of a job, for an answer of `columns` numbers per row of the upload.
     ///
     /// # Errors
-    /// As [`Self::eigen`], and when there is no memory for the answer.
-    pub(crate) async fn harmonics(&self) -> Result<Harmonics, Problem> {
-        let eigen = self.eigen().await?;
-        self.harmonics_of(eigen, self.service.memory.begin(self.owner.clone()), 0).await
-    }
-
-    /// The same for an answer of `columns` numbers per row of the upload.
-    ///
-    /// # Errors
-    /// As [`Self::harmonics`].
-    pub(crate) async fn harmonics_per_row(&self, columns: usize) -> Result<Harmonics, Problem> {
-        let eigen = self.eigen().await?;
+    /// A problem: there is no memory for the answer, or it would be too much text.
+    pub(crate) async fn harmonics(
+        &self,
+        eigen: (JobRecord, Spectrum),
+        columns: usize,
+    ) -> Result<Harmonics, Problem> {
         self.harmonics_of(eigen, self.service.memory.begin(self.owner.clone()), columns).await
     }
 
     /// The same beside what a request has reserved for its body already: nothing is reserved for the answer before the body
-    /// is there, and then all of it at once, since who holds memory and waits for more keeps others waiting.
+    /// is there, and then all of it at once, because a request that holds memory while waiting for more blocks others.
     ///
     /// # Errors
-    /// A problem: there is no memory for the answer, or it would be too much text.
+    /// As [`Self::harmonics`].
     pub(crate) async fn harmonics_of(
         &self,
         (job, spectrum): (JobRecord, Spectrum),
@@ -185,7 +180,7 @@ impl<R: Resource> ResultRequest<R> {
         columns: usize,
     ) -> Result<Harmonics, Problem> {
         self.refuse_large_json(job.points * columns as u64)?;
-        let (store, compute) = (self.service.store.clone(), self.service.compute.clone());
+        let (store, compute) = (self.service.store.clone(), self.service.pools.answering.clone());
         let bases = StoredBases::new(store, compute, &job, spectrum.eigenvalues.len());
         let cloud = self.service.store.cloud(job.cloud_id).await?.bytes();
         // The cloud, the functions on it, and what becomes of them: text of three times the size, or a picture.
@@ -207,7 +202,7 @@ impl<R: Resource> ResultRequest<R> {
         if self.offer == JSON { 16 + JSON_NUMBER_BYTES } else { 8 }
     }
 
-    /// Answers to POST are neither conditional nor had in parts.
+    /// POST answers support neither conditions nor ranges.
     pub(crate) fn forget_conditions(&mut self) {
         use axum::http::header::{IF_NONE_MATCH, RANGE};
         for name in [IF_NONE_MATCH, RANGE] {
@@ -224,23 +219,20 @@ impl<R: Resource> ResultRequest<R> {
         if self.offer != JSON || bytes <= JSON_BYTES_MAX {
             return Ok(());
         }
-        let others: Vec<_> =
-            R::OFFERS.iter().filter(|offer| [NPY, PLY].contains(offer)).map(|offer| offer.name).collect();
+        let others = R::OFFERS.iter().filter(|offer| [NPY, PLY].contains(offer));
+        let told =
+            |offer: &Offer| format!("{0} (?format={0} or Accept: {1})", offer.name, offer.media_type());
+        let told: Vec<_> = others.clone().map(told).collect();
         Err(Problem::new(
             Kind::NotAcceptable,
             format!(
-                "as JSON this would be about {} MB, over the limit of {} MB; ask for less, or for {}",
+                "the JSON answer would be about {} MB; the limit is {} MB. Request less, or {}",
                 bytes >> 20,
                 JSON_BYTES_MAX >> 20,
-                R::OFFERS
-                    .iter()
-                    .filter(|offer| others.contains(&offer.name))
-                    .map(|offer| format!("{0} (?format={0} or Accept: {1})", offer.name, offer.media_type()))
-                    .collect::<Vec<_>>()
-                    .join(" or ")
+                told.join(" or ")
             ),
         )
-        .with("accepted", others))
+        .with("accepted", others.map(|offer| offer.name).collect::<Vec<_>>()))
     }
 }
 
@@ -264,17 +256,12 @@ pub(crate) fn of_eigen(mut job: JobRecord) -> Result<(JobRecord, Spectrum), Prob
     let spectrum = job.report.as_mut().and_then(|report| report.spectrum.take());
     match spectrum {
         Some(spectrum) => Ok((job, spectrum)),
-        None => Err(Problem::new(
-            Kind::NoSuchResult,
-            format!(
-                "job {} built the operator only; submit {{\"kind\": \"eigen\"}} to /clouds/{}/jobs for bases and spectrum",
-                job.id, job.cloud_id
-            ),
-        )
-        .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) }))),
+        None => {
+            let why = "built the operator only; for bases and spectrum submit {\"kind\": \"eigen\"}";
+            Err(no_result(&job, why))
+        }
     }
 }
-
 /// Refuses jobs that did not keep Q.
 ///
 /// # Errors
@@ -283,20 +270,18 @@ pub(crate) fn check_kept(job: &JobRecord) -> Result<(), Problem> {
     if job.kind == JobKind::Operator {
         return Ok(());
     }
-    Err(Problem::new(
-        Kind::NoSuchResult,
-        format!(
-            "job {} keeps its bases and B, not Q; submit {{\"kind\": \"operator\"}} with the same parameters to /clouds/{}/jobs",
-            job.id, job.cloud_id
-        ),
-    )
-    .with("links", serde_json::json!({ "jobs": format!("/clouds/{}/jobs", job.cloud_id) })))
+    let why = "keeps its bases and B, not Q; for Q submit {\"kind\": \"operator\"} with the same parameters";
+    Err(no_result(job, why))
+}
+
+/// A job that succeeded without this result; `why` ends with what to submit instead.
+fn no_result(job: &JobRecord, why: &str) -> Problem {
+    let jobs = format!("/clouds/{}/jobs", job.cloud_id);
+    Problem::new(Kind::NoSuchResult, format!("job {} {why} to {jobs}", job.id))
+        .with("links", serde_json::json!({ "jobs": jobs }))
 }
 
 /// A tag that names an answer by what determines it.
 pub(crate) fn tag(job: Uuid, parts: &impl serde::Serialize) -> String {
-    use sha2::{Digest, Sha256};
-    let text = serde_json::to_vec(parts).unwrap_or_default();
-    let digest = Sha256::digest(&text);
-    format!("{}-{}", job.simple(), Uuid::from_slice(&digest[..16]).unwrap_or_default().simple())
+    format!("{}-{}", job.simple(), short_digest(&serde_json::to_vec(parts).unwrap_or_default()))
 }

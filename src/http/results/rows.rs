@@ -9,10 +9,13 @@ use axum::body::{Body, Bytes};
 use flate2::Crc;
 use futures_util::stream::{self, Stream, StreamExt};
 
-use crate::cloud::writer::{Column, PlyEncoding, PlyHeader, encode_faces, encode_rows, npy_header};
+use crate::cloud::writer::{
+    Column, PlyEncoding, PlyHeader, axis_name, encode_faces, encode_rows, npy_header, npy_vector_header,
+    ply_columns,
+};
 use crate::cloud::{PointCloud, ScalarType};
 use crate::http::wire::problem::Problem;
-use crate::store::CHUNK_POINTS;
+use crate::store::{CHUNK_POINTS, CloudRecord};
 
 /// Chunks read and encoded at once, as long as they are not large.
 const CHUNKS_AHEAD: usize = 2;
@@ -153,9 +156,74 @@ pub(crate) fn broken(problem: &Problem) -> io::Error {
     io::Error::other(problem.document(None, None).detail)
 }
 
+/// A file with a row for each row of the upload: an array, or with a cloud its points and faces with further columns in PLY.
+#[derive(Debug, Clone)]
+pub(crate) struct Table {
+    /// `None` for an array.
+    pub cloud: Option<Arc<PointCloud>>,
+    /// Type of the columns.
+    pub kind: ScalarType,
+    /// Whether its single column is an array of one axis.
+    pub is_vector: bool,
+}
+
+impl Table {
+    /// The file of `rows` rows with columns of these names.
+    pub(crate) fn layout(&self, rows: usize, names: &[String]) -> RowLayout {
+        let Some(cloud) = &self.cloud else {
+            let layout = npy_layout(rows, names.len(), self.kind);
+            return if self.is_vector {
+                RowLayout { header: npy_vector_header(rows, self.kind), ..layout }
+            } else {
+                layout
+            };
+        };
+        ply_layout(cloud, properties(cloud.dimension(), cloud.coordinate_type(), names, self.kind))
+    }
+
+    /// The bytes of the rows from `first` on, as many as the columns have.
+    pub(crate) fn encode(&self, first: usize, values: &[Vec<f64>]) -> Vec<u8> {
+        let mut columns = self.cloud.as_deref().map_or_else(Vec::new, |cloud| ply_columns(cloud, first));
+        columns.truncate(self.cloud.as_deref().map_or(0, |cloud| axes(cloud.dimension())));
+        columns.extend(values.iter().map(|values| Column { values, stride: 1, kind: self.kind }));
+        encode_rows(&columns, values.first().map_or(0, Vec::len))
+    }
+}
+
+/// Length in bytes of [`Table::layout`] in PLY, told without the cloud.
+pub(crate) fn ply_length(cloud: &CloudRecord, names: &[String], kind: ScalarType) -> u64 {
+    let encoding = PlyEncoding::Binary;
+    let properties = properties(cloud.dimension, cloud.coordinate_type, names, kind);
+    let header =
+        PlyHeader { encoding, points: cloud.points as usize, properties, faces: cloud.faces as usize };
+    let face_bytes = encode_faces(&[[0; 3]], encoding).len() as u64;
+    header.to_bytes().len() as u64 + header.stride() as u64 * cloud.points + face_bytes * cloud.faces
+}
+
 /// Coordinates of a point in PLY: viewers want three at least.
-pub(crate) fn axes(cloud: &PointCloud) -> usize {
-    cloud.dimension().max(3)
+fn axes(dimension: usize) -> usize {
+    dimension.max(3)
+}
+
+fn properties(
+    dimension: usize,
+    coordinates: ScalarType,
+    names: &[String],
+    kind: ScalarType,
+) -> Vec<(String, ScalarType)> {
+    let axes = (0..axes(dimension)).map(|axis| (axis_name(axis), coordinates));
+    axes.chain(names.iter().map(|name| (name.clone(), kind))).collect()
+}
+
+/// The columns of all blocks one behind another.
+pub(crate) fn joined(blocks: Vec<Vec<Vec<f64>>>, rows: usize) -> Vec<Vec<f64>> {
+    let mut columns = vec![Vec::with_capacity(rows); blocks.first().map_or(0, Vec::len)];
+    for block in blocks {
+        for (column, values) in columns.iter_mut().zip(block) {
+            column.extend(values);
+        }
+    }
+    columns
 }
 
 /// A NumPy array of `rows` × `columns` numbers, in C order.

@@ -1,6 +1,8 @@
 //! Content negotiation: `?format=` first, then `Accept` with its q-values.
+//!
+//! Ours, since crates for it choose among media types: here a format has several, a name in queries, and an ending.
 
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, HeaderName, header};
 
 use super::problem::{Kind, Problem};
 use crate::cloud::reader::Format;
@@ -68,24 +70,24 @@ pub(crate) fn choose(named: Option<Offer>, headers: &HeaderMap, offers: &[Offer]
     if let Some(named) = named {
         return Ok(named);
     }
-    let accept: Vec<_> =
-        headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok()).collect();
-    if accept.iter().all(|value| value.trim().is_empty()) {
+    let accepted = weighted(headers, &header::ACCEPT);
+    if accepted.is_empty() {
         return Ok(offers[0]);
     }
-    let accept = accept.join(",");
     let mut best: Option<(f32, Offer)> = None;
     for offer in offers {
-        let weight = offer.media_types.iter().map(|media| weight(&accept, media)).fold(0.0, f32::max);
+        let weight = offer.media_types.iter().map(|media| weight(&accepted, media)).fold(0.0, f32::max);
         if weight > best.map_or(0.0, |(weight, _)| weight) {
             best = Some((weight, *offer));
         }
     }
-    best.map(|(_, offer)| offer).ok_or_else(|| refuse(&accept, offers))
+    best.map(|(_, offer)| offer).ok_or_else(|| refuse(headers, offers))
 }
 
-fn refuse(wish: &str, offers: &[Offer]) -> Problem {
-    let shown: String = wish.chars().take(120).collect();
+fn refuse(headers: &HeaderMap, offers: &[Offer]) -> Problem {
+    let wishes: Vec<_> =
+        headers.get_all(header::ACCEPT).iter().filter_map(|value| value.to_str().ok()).collect();
+    let shown: String = wishes.join(",").chars().take(120).collect();
     let names: Vec<_> =
         offers.iter().map(|offer| format!("{} ({})", offer.name, offer.media_type())).collect();
     Problem::new(
@@ -95,24 +97,32 @@ fn refuse(wish: &str, offers: &[Offer]) -> Problem {
     .with("accepted", offers.iter().map(|offer| offer.name).collect::<Vec<_>>())
 }
 
-/// The q-value of `media` in an `Accept` header, by the most specific range that matches it (RFC 9110 §12.5.1).
-fn weight(accept: &str, media: &str) -> f32 {
+/// The names in a header's list, in lower case, each with its q-value (RFC 9110 §12.4.2).
+pub(crate) fn weighted(headers: &HeaderMap, name: &HeaderName) -> Vec<(String, f32)> {
+    let values = headers.get_all(name).iter().filter_map(|value| value.to_str().ok());
+    let named = values.flat_map(|value| value.split(',')).map(|entry| {
+        let mut parts = entry.split(';').map(str::trim);
+        let name = parts.next().unwrap_or_default().to_ascii_lowercase();
+        // Names of parameters are the same in either case.
+        let q = parts.find_map(|part| part.strip_prefix(['q', 'Q'])?.trim_start().strip_prefix('='));
+        (name, q.map_or(1.0, |q| q.trim().parse().unwrap_or(0.0)))
+    });
+    named.filter(|(name, _)| !name.is_empty()).collect()
+}
+
+/// The q-value of `media`, by the most specific range that matches it (RFC 9110 §12.5.1).
+fn weight(accepted: &[(String, f32)], media: &str) -> f32 {
     let kind = media.split('/').next().unwrap_or_default();
     let mut found = (0_u8, 0.0);
-    for range in accept.split(',') {
-        let mut parts = range.split(';').map(str::trim);
-        let name = parts.next().unwrap_or_default().to_ascii_lowercase();
+    for (name, q) in accepted {
         let specificity = match name.as_str() {
             "*/*" => 1,
             name if name.strip_suffix("/*") == Some(kind) => 2,
             name if name == media => 3,
             _ => continue,
         };
-        // Names of parameters are the same in either case.
-        let q = parts.find_map(|part| part.strip_prefix(['q', 'Q'])?.strip_prefix('='));
-        let q = q.map_or(1.0, |q| q.parse().unwrap_or(0.0));
         if specificity > found.0 {
-            found = (specificity, q);
+            found = (specificity, *q);
         }
     }
     found.1

@@ -6,11 +6,12 @@ use std::time::Duration;
 
 use axum::body::{Body, BodyDataStream, Bytes};
 use axum::extract::{FromRequest, Request};
+use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use futures_util::StreamExt;
 use tokio::time::{Instant, timeout};
 
-use super::coding::{Bounds, Coding};
+use super::decompress::{Bounds, Coding};
 use super::memory::{Arrival, Reservation};
 use super::owners;
 use super::pace::Pace;
@@ -28,8 +29,7 @@ const SLOW: Duration = Duration::from_secs(5);
 /// A body of which nothing has been read.
 pub(crate) struct IncomingBody {
     body: Body,
-    headers: HeaderMap,
-    owner: Owner,
+    parts: Parts,
     service: Shared,
 }
 
@@ -47,20 +47,19 @@ impl FromRequest<Shared> for IncomingBody {
 
     async fn from_request(request: Request, service: &Shared) -> Result<Self, Problem> {
         let (parts, body) = request.into_parts();
-        let owner = owners::owner(&parts.extensions);
-        Ok(Self { body, headers: parts.headers, owner, service: service.clone() })
+        Ok(Self { body, parts, service: service.clone() })
     }
 }
 
 impl IncomingBody {
-    /// The request's headers.
-    pub(crate) fn headers(&self) -> &HeaderMap {
-        &self.headers
+    /// What came before the body.
+    pub(crate) fn parts(&self) -> &Parts {
+        &self.parts
     }
 
     /// Whose request it is.
-    pub(crate) fn owner(&self) -> &Owner {
-        &self.owner
+    pub(crate) fn owner(&self) -> Owner {
+        owners::owner(&self.parts.extensions)
     }
 
     /// The whole body, of at most `bytes_max` bytes as it is sent.
@@ -69,16 +68,17 @@ impl IncomingBody {
     /// A problem: too large, too slow, cut off, compressed in a way that is not known or damaged, a part of a file, or no
     /// memory for it.
     pub(crate) async fn receive(self, bytes_max: u64) -> Result<Received, Problem> {
-        refuse_parts(&self.headers)?;
-        let coding = Coding::of(&self.headers)?;
-        let announced = self.headers.get(header::CONTENT_LENGTH);
+        let headers = &self.parts.headers;
+        refuse_parts(headers)?;
+        let coding = Coding::of(headers)?;
+        let announced = headers.get(header::CONTENT_LENGTH);
         let announced = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
         let bytes_max = bytes_max.min(self.service.limits.body_bytes);
         if announced.is_some_and(|length| length > bytes_max) {
             return Err(too_large(bytes_max));
         }
-        let Self { body, owner, service, .. } = self;
-        let reservation = service.memory.begin(owner);
+        let reservation = self.service.memory.begin(self.owner());
+        let Self { body, service, .. } = self;
         let mut intake = Intake { service, announced, reservation };
         let mut bytes = intake.receive(body.into_data_stream(), bytes_max).await?;
         if let Some(coding) = coding {
@@ -99,8 +99,8 @@ struct Intake {
 impl Intake {
     async fn receive(&mut self, mut chunks: BodyDataStream, bytes_max: u64) -> Result<Vec<u8>, Problem> {
         let limits = &self.service.limits;
-        let mut pace = Pace::new(limits.stall, limits.body_rate_min);
-        let deadline = Instant::now() + limits.body_time;
+        let mut pace = Pace::new(limits.stall(), limits.body_rate_min_bytes);
+        let deadline = Instant::now() + limits.body_time();
         let (mut bytes, mut covered) = (Vec::new(), 0);
         loop {
             let chunk = self.next(&mut chunks, bytes.len() as u64, &mut pace, deadline).await?;
@@ -129,7 +129,7 @@ impl Intake {
     ) -> Result<Option<Bytes>, Problem> {
         let mut stalled = Duration::ZERO;
         loop {
-            let stall = self.service.limits.stall.saturating_sub(stalled);
+            let stall = self.service.limits.stall().saturating_sub(stalled);
             let left = deadline.saturating_duration_since(Instant::now());
             let patience = stall.min(left).min(pace.left());
             let becomes_slow = SLOW.checked_sub(pace.waited()).filter(|rest| *rest < patience);
@@ -145,7 +145,10 @@ impl Intake {
                 }
                 Ok(Some(Err(error))) => {
                     tracing::debug!(%error, "upload interrupted");
-                    return Err(Problem::new(Kind::Interrupted, "the body ended before all of it had come"));
+                    return Err(Problem::new(
+                        Kind::Interrupted,
+                        "the connection closed before the whole body arrived",
+                    ));
                 }
                 Err(_) if becomes_slow.is_some() => self.grow_to(there, true).await?,
                 Err(_) if left <= patience => return Err(self.too_long()),
@@ -172,7 +175,7 @@ impl Intake {
             self.reservation.grow(Arrival { bytes, left: None, is_slow: false }).await?;
             let decode = move || decoder.decode(piece as usize).map(|is_whole| (is_whole, decoder));
             let is_whole;
-            (is_whole, decoder) = self.service.reading.run(decode).await??;
+            (is_whole, decoder) = self.service.pools.reading.run(decode).await??;
             if is_whole {
                 return Ok(decoder.into_bytes());
             }
@@ -180,13 +183,13 @@ impl Intake {
     }
 
     fn too_long(&self) -> Problem {
-        let seconds = self.service.limits.body_time.as_secs_f64();
+        let seconds = self.service.limits.body_seconds;
         Problem::new(Kind::RequestTimeout, format!("the body took longer than {seconds} seconds"))
     }
 
     fn stalled(&self) -> Problem {
-        let seconds = self.service.limits.stall.as_secs_f64();
-        Problem::new(Kind::RequestTimeout, format!("no data came for {seconds} seconds"))
+        let seconds = self.service.limits.stall_seconds;
+        Problem::new(Kind::RequestTimeout, format!("no data arrived for {seconds} seconds"))
     }
 
     fn too_slow(&self) -> Problem {
@@ -194,9 +197,8 @@ impl Intake {
         Problem::new(
             Kind::RequestTimeout,
             format!(
-                "the body came slower than {} bytes per second over {} seconds",
-                limits.body_rate_min,
-                limits.stall.as_secs_f64()
+                "the body arrived at less than {} bytes per second over {} seconds",
+                limits.body_rate_min_bytes, limits.stall_seconds
             ),
         )
     }

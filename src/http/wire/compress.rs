@@ -1,21 +1,20 @@
-//! Text is sent compressed to who accepts it; arrays and pictures are not: their bytes can be asked for in parts.
+//! Compresses text if the client accepts it; arrays and images stay uncompressed so that byte ranges work.
 
 use std::io;
 
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use futures_util::stream;
 
-use super::compressed::{CompressedBody, Encoder};
-use super::compression::Compression;
+use super::compressed::{CompressedBody, Compression, Encoder};
 use super::memory::Reservation;
 use crate::http::service::Shared;
 use crate::store::Owner;
 
-/// Bytes below which compression is not worth its head.
+/// Smaller bodies are not compressed.
 const BYTES_MIN: u64 = 1024;
 /// Bytes of memory that an encoder of a body that is not small takes.
 const ENCODER_BYTES: u64 = 2 << 20;
@@ -38,17 +37,18 @@ pub(crate) async fn compress(State(service): State<Shared>, request: Request, ne
     let accepted = Compression::accepted(request.headers());
     let is_head = request.method() == Method::HEAD;
     let response = next.run(request).await;
-    if !is_text(response.status(), response.headers()) {
+    let length = value(&response, &header::CONTENT_LENGTH).and_then(|length| length.parse().ok());
+    let length = length.or_else(|| response.body().size_hint().exact());
+    if !is_text(&response) || length.is_some_and(|length| length < BYTES_MIN) {
         return response;
     }
     let mut response = vary(response);
     let Some(compression) = accepted else { return response };
-    let length = response.body().size_hint().exact();
-    let reservation = match length {
-        _ if is_head => Some(Reservation::small()),
-        Some(length) if length < BYTES_MIN => None,
-        Some(length) if length <= CompressedBody::PROMPT_BYTES as u64 => Some(Reservation::small()),
-        _ => service.memory.try_reserve(Owner::nobody(), ENCODER_BYTES),
+    let is_prompt = length.is_some_and(|length| length <= CompressedBody::PROMPT_BYTES as u64);
+    let reservation = if is_head || is_prompt {
+        Some(Reservation::small())
+    } else {
+        service.memory.try_reserve(Owner::nobody(), ENCODER_BYTES)
     };
     let Some(reservation) = reservation else { return response };
     if is_head {
@@ -58,18 +58,18 @@ pub(crate) async fn compress(State(service): State<Shared>, request: Request, ne
     }
     let Ok(encoder) = Encoder::new(compression) else { return response };
     describe(&mut response, compression);
-    response
-        .map(|body| Body::new(CompressedBody::new(body, encoder, service.compressing.clone(), reservation)))
+    response.map(|body| {
+        Body::new(CompressedBody::new(body, encoder, service.pools.compressing.clone(), reservation))
+    })
 }
 
-fn is_text(status: StatusCode, headers: &HeaderMap) -> bool {
-    let value = |name| headers.get(name).and_then(|value: &HeaderValue| value.to_str().ok());
-    let media_type = value(header::CONTENT_TYPE).and_then(|media_type| media_type.split(';').next());
-    let is_small = value(header::CONTENT_LENGTH)
-        .and_then(|length| length.parse::<u64>().ok())
-        .is_some_and(|n| n < BYTES_MIN);
-    status != StatusCode::PARTIAL_CONTENT
-        && !is_small
+fn value<'a>(response: &'a Response, name: &HeaderName) -> Option<&'a str> {
+    response.headers().get(name).and_then(|value| value.to_str().ok())
+}
+
+fn is_text(response: &Response) -> bool {
+    let media_type = value(response, &header::CONTENT_TYPE).and_then(|value| value.split(';').next());
+    response.status() != StatusCode::PARTIAL_CONTENT
         && media_type.is_some_and(|media_type| TEXT.contains(&media_type.trim()))
 }
 
@@ -78,8 +78,8 @@ fn vary(mut response: Response) -> Response {
     response
 }
 
-/// What the headers say of the bytes as they are does not hold of the compressed ones. Their tag is weak: a strong one
-/// names the bytes without compression, of which parts can be had.
+/// Length and ranges describe the uncompressed bytes, so they are removed. The `ETag` becomes weak: the strong one names the
+/// uncompressed bytes, which support ranges.
 fn describe(response: &mut Response, compression: Compression) {
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static(compression.name()));

@@ -1,4 +1,4 @@
-//! A body that is compressed piece by piece, away from the threads that serve requests.
+//! A body compressed piece by piece, away from the threads that serve requests, and the compression that its client wants.
 
 use std::future::Future;
 use std::io::{self, Write};
@@ -6,18 +6,46 @@ use std::pin::Pin;
 use std::task::{Context, Poll};
 
 use axum::body::{Body, Bytes, HttpBody};
+use axum::http::{HeaderMap, header};
 use flate2::write::GzEncoder;
 use hyper::body::Frame;
 use zstd::stream::write::Encoder as ZstdEncoder;
 
-use super::compression::Compression;
+use super::accept::weighted;
 use super::memory::Reservation;
+use crate::arguments::words;
 use crate::jobs::{Compute, ComputeError};
 
 /// Bytes that are compressed at once.
 const PIECE_BYTES: usize = 64 << 10;
 /// Level of zstd: its fastest but for the negative ones, which hardly compress.
 const ZSTD_LEVEL: i32 = 1;
+
+words! {
+    /// A compression of answers, as `Content-Encoding` says it.
+    pub(crate) enum Compression {
+        /// RFC 8878.
+        Zstd,
+        /// RFC 1952.
+        Gzip,
+    }
+}
+
+impl Compression {
+    /// The one that the client likes best, zstd of equals; `None` where it prefers the bytes as they are, or says nothing
+    /// (RFC 9110 §12.5.3).
+    pub(crate) fn accepted(headers: &HeaderMap) -> Option<Self> {
+        let accepted = weighted(headers, &header::ACCEPT_ENCODING);
+        let weight = |names: &[&str]| {
+            let named = accepted.iter().find(|(name, _)| names.contains(&name.as_str()));
+            named.or_else(|| accepted.iter().find(|(name, _)| name == "*")).map(|(_, weight)| *weight)
+        };
+        let identity = accepted.iter().find(|(name, _)| name == "identity").map_or(0.0, |(_, q)| *q);
+        let (zstd, gzip) = (weight(&["zstd"]).unwrap_or(0.0), weight(&["gzip", "x-gzip"]).unwrap_or(0.0));
+        let (best, choice) = if gzip > zstd { (gzip, Self::Gzip) } else { (zstd, Self::Zstd) };
+        (best > 0.0 && best >= identity).then_some(choice)
+    }
+}
 
 /// A compressor, and what came out of it.
 pub(crate) enum Encoder {
@@ -154,5 +182,32 @@ impl HttpBody for CompressedBody {
 
     fn is_end_stream(&self) -> bool {
         matches!(self.state, State::Ended)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::HeaderValue;
+
+    use super::*;
+
+    fn accepted(value: &'static str) -> Option<Compression> {
+        let headers = HeaderMap::from_iter([(header::ACCEPT_ENCODING, HeaderValue::from_static(value))]);
+        Compression::accepted(&headers)
+    }
+
+    #[test]
+    fn the_client_chooses_and_zstd_goes_before_gzip_among_equals() {
+        use Compression::{Gzip, Zstd};
+        assert_eq!(accepted("gzip, deflate, br, zstd"), Some(Zstd));
+        assert_eq!(accepted("gzip;q=1.0, zstd;q=0.5"), Some(Gzip));
+        assert_eq!(accepted("x-gzip"), Some(Gzip));
+        assert_eq!(accepted("*"), Some(Zstd));
+        assert_eq!(accepted("*, zstd;q=0"), Some(Gzip));
+        assert_eq!(accepted("GZIP; Q = 0.5"), Some(Gzip));
+        assert_eq!(accepted("identity, gzip;q=0.5"), None);
+        assert_eq!(accepted("gzip;q=0, br"), None);
+        assert_eq!(accepted(""), None);
+        assert_eq!(Compression::accepted(&HeaderMap::new()), None);
     }
 }

@@ -3,6 +3,8 @@
 use axum::http::{HeaderName, HeaderValue, Method, header};
 use tower_http::cors::{AllowHeaders, AllowOrigin, CorsLayer};
 
+use super::request::{REPLAYED, REQUEST_ID};
+
 /// What a page may read of an answer beside its body.
 const EXPOSED: [HeaderName; 9] = [
     header::ACCEPT_RANGES,
@@ -12,8 +14,8 @@ const EXPOSED: [HeaderName; 9] = [
     header::ETAG,
     header::LOCATION,
     header::RETRY_AFTER,
-    HeaderName::from_static("idempotency-replayed"),
-    HeaderName::from_static("x-request-id"),
+    REPLAYED,
+    REQUEST_ID,
 ];
 
 /// Lets pages of `origins` in; `*` is any page. `None` when there are none.

@@ -1,4 +1,6 @@
 //! Serving a large result: validators, conditional requests and byte ranges (RFC 9110 §13, §14).
+//!
+//! Ours, since crates for ranges serve files: here the bytes of a range are made while they are sent.
 
 use std::io;
 use std::ops::Range;
@@ -47,11 +49,23 @@ impl Plan<'_> {
     /// The answer to a client that has these bytes already, or wants none (HEAD) of a length that is known only once
     /// they are made.
     pub(crate) fn without_work(&self) -> Option<Response> {
+        self.without_bytes(None)
+    }
+
+    /// The same where the length may be known.
+    pub(crate) fn without_bytes(&self, length: Option<u64>) -> Option<Response> {
         self.unchanged().or_else(|| {
             (self.method == Method::HEAD).then(|| {
-                // An empty body would be announced as one of no bytes.
-                let mut response = Response::new(Body::from_stream(stream::empty::<io::Result<Bytes>>()));
+                let body = match length {
+                    Some(_) => Body::empty(),
+                    // An empty body would be announced as one of no bytes.
+                    None => Body::from_stream(stream::empty::<io::Result<Bytes>>()),
+                };
+                let mut response = Response::new(body);
                 self.describe(&mut response);
+                if let Some(length) = length {
+                    Self::announce(&mut response, &(0..length));
+                }
                 response
             })
         })
@@ -85,20 +99,14 @@ impl Plan<'_> {
         length: Option<u64>,
         body: impl FnOnce(Range<u64>) -> Body,
     ) -> Result<Response, Problem> {
-        let Some(length) = length else {
-            return Ok(self.without_work().unwrap_or_else(|| {
-                let mut response = Response::new(body(0..u64::MAX));
-                self.describe(&mut response);
-                response
-            }));
-        };
-        if let Some(mut answer) = self.without_work() {
-            if answer.status() == StatusCode::OK {
-                *answer.body_mut() = Body::empty();
-                Self::announce(&mut answer, &(0..length));
-            }
+        if let Some(answer) = self.without_bytes(length) {
             return Ok(answer);
         }
+        let Some(length) = length else {
+            let mut response = Response::new(body(0..u64::MAX));
+            self.describe(&mut response);
+            return Ok(response);
+        };
         let span = match *self.method {
             Method::GET => span(self.headers, &self.etag(), length)?,
             _ => None,
@@ -147,7 +155,7 @@ impl Plan<'_> {
 }
 
 /// The headers by which a client may keep an answer and ask whether it still holds.
-pub(crate) fn validate(response: &mut Response, etag: &str) {
+fn validate(response: &mut Response, etag: &str) {
     if let Ok(etag) = HeaderValue::from_str(etag) {
         response.headers_mut().insert(header::ETAG, etag);
     }
@@ -163,7 +171,7 @@ fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
 /// Why an answer could not be written: its client has left, which is nobody's fault, or ours.
 pub(crate) fn unwritten(error: &io::Error) -> Problem {
     if error.kind() == io::ErrorKind::ConnectionAborted {
-        return Problem::new(Kind::Unavailable, "nobody waits for the answer any more");
+        return Problem::new(Kind::Unavailable, "the client has disconnected");
     }
     Problem::internal(error)
 }
@@ -179,8 +187,7 @@ pub(crate) fn json(answer: &impl Serialize, wanted: &Wanted) -> Result<Vec<u8>, 
 }
 
 /// Whether `If-None-Match` names `etag`: the client has these bytes already.
-#[must_use]
-pub(crate) fn is_known(headers: &HeaderMap, etag: &str) -> bool {
+fn is_known(headers: &HeaderMap, etag: &str) -> bool {
     headers
         .get_all(header::IF_NONE_MATCH)
         .iter()

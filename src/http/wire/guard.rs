@@ -1,4 +1,4 @@
-//! Keeps web pages of strangers out where no key is asked for, and requests out whose host cannot be told.
+//! Rejects requests from foreign web pages when no keys are set, and requests with an invalid `Host`.
 //!
 //! A browser sends requests for any page, also to loopback. Without keys nothing else tells them from the user's own:
 //! a page may post without asking first, and by a name that resolves to loopback ("DNS rebinding") it may read too.
@@ -14,9 +14,11 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
 use super::problem::{Kind, Problem};
+use super::retry;
 
-/// Probes, which tell nothing of what is stored and may come under any name.
-const PROBES: [&str; 2] = ["/livez", "/readyz"];
+/// Probes, which tell nothing of what is stored: they need no key, may come under any name, and find a place when all are
+/// taken.
+pub const PROBES: [&str; 2] = ["/livez", "/readyz"];
 /// What proxies add to requests.
 const FORWARDED: [HeaderName; 4] = [
     header::FORWARDED,
@@ -87,7 +89,8 @@ impl Guard {
     fn admit(&self, request: &Request) -> Result<(), Problem> {
         if request.extensions().get::<NoPlace>().is_some() {
             let told = "all connections are in use; try again in a moment";
-            return Err(Problem::new(Kind::Unavailable, told).with_header(header::RETRY_AFTER, "1"));
+            return Err(Problem::new(Kind::Unavailable, told)
+                .with_header(header::RETRY_AFTER, retry::PLACE_SECONDS.to_string()));
         }
         let authority = authority(request)?;
         let Some(hosts) = &self.hosts else { return Ok(()) };

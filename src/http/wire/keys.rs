@@ -8,13 +8,14 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
-use uuid::Uuid;
 
+use super::guard::PROBES;
 use super::problem::{Kind, Problem};
+use crate::http::notation::short_digest;
 use crate::store::Owner;
 
-/// Probes that an orchestrator asks without a key, and pages that tell of the service, not of what is stored.
-const OPEN_PATHS: [&str; 5] = ["/livez", "/readyz", "/", "/docs", "/capabilities"];
+/// Paths answered without a key beside the probes: pages about the service itself.
+const OPEN_PATHS: [&str; 3] = ["/", "/docs", "/capabilities"];
 /// Beginnings of further ones.
 const OPEN_PREFIXES: [&str; 3] = ["/openapi.", "/problems/", "/viewer/"];
 /// A shorter key can be guessed.
@@ -39,7 +40,7 @@ struct Key {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum KeysError {
     /// There is none.
-    #[error("there is no key in it; `chladni keys add NAME` makes one")]
+    #[error("it contains no keys; `chladni keys add NAME` makes one")]
     Empty,
     /// An entry of more than two words.
     #[error("entry {0} has more than a name and a key")]
@@ -129,7 +130,9 @@ fn entries(text: &str) -> impl Iterator<Item = &str> {
 
 /// Whether a path is answered without a key.
 fn is_open(path: &str) -> bool {
-    OPEN_PATHS.contains(&path) || OPEN_PREFIXES.iter().any(|prefix| path.starts_with(prefix))
+    PROBES.contains(&path)
+        || OPEN_PATHS.contains(&path)
+        || OPEN_PREFIXES.iter().any(|prefix| path.starts_with(prefix))
 }
 
 fn digest(key: &str) -> [u8; 32] {
@@ -139,8 +142,7 @@ fn digest(key: &str) -> [u8; 32] {
 /// The owner of a key without a name: told apart by a digest that is not the one by which the key is accepted. Names have
 /// no space, so none is taken for it.
 fn unnamed(key: &str) -> Owner {
-    let digest = Sha256::digest([b"owner of ".as_slice(), key.as_bytes()].concat());
-    Owner::named(&format!("key {}", Uuid::from_slice(&digest[..16]).unwrap_or_default().simple()))
+    Owner::named(&format!("key {}", short_digest(&[b"owner of ".as_slice(), key.as_bytes()].concat())))
 }
 
 /// Lets requests with an accepted key pass, and notes whose they are.

@@ -144,7 +144,8 @@ impl MemoryBudget {
         self.0.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tries again whenever memory was given back. Nobody queues: who needs little finds it while others wait for much.
+    /// Tries again whenever memory was given back. There is no queue: small requests pass while large ones
+    /// wait.
     async fn wait(&self, mut take: impl FnMut(&mut Held, &Parts) -> bool) -> Result<(), Problem> {
         let granted = async {
             loop {
@@ -363,17 +364,14 @@ impl fmt::Debug for Reservation {
 fn too_large(limit: u64, bytes: u64) -> Problem {
     Problem::new(
         Kind::TooLarge,
-        format!("the service has memory for bodies of up to {limit} bytes; this one has {bytes} or more"),
+        format!("the body has at least {bytes} bytes; the memory budget allows {limit}"),
     )
     .with("limit", limit)
 }
 
 fn busy() -> Problem {
-    Problem::new(
-        Kind::Unavailable,
-        "the service has no memory left for this request beside the others; try again later",
-    )
-    .with_header(header::RETRY_AFTER, retry::MEMORY_SECONDS.to_string())
+    Problem::new(Kind::Unavailable, "not enough memory is free for this request; try again later")
+        .with_header(header::RETRY_AFTER, retry::MEMORY_SECONDS.to_string())
 }
 
 #[cfg(test)]

@@ -2,11 +2,10 @@
 
 pub(super) mod accept;
 pub(super) mod body;
-pub(super) mod coding;
 pub(super) mod compress;
 pub(super) mod compressed;
-pub(super) mod compression;
 pub(super) mod cors;
+pub(super) mod decompress;
 pub(super) mod download;
 pub(super) mod drain;
 pub(super) mod guard;

@@ -1,4 +1,4 @@
-//! Ownership: whose a request is, and whose the cloud or job that its path names.
+//! Ownership: finds the owner of a request and hides resources of others.
 
 use axum::extract::rejection::RawPathParamsRejection;
 use axum::extract::{RawPathParams, Request, State};
@@ -20,7 +20,7 @@ pub(crate) fn owner(extensions: &Extensions) -> Owner {
 /// is wrong with it: the two cannot be told apart.
 ///
 /// A layer around all routes, so that none can forget it.
-pub(crate) async fn only_own(
+pub(crate) async fn require_ownership(
     State(service): State<Shared>,
     named: Result<RawPathParams, RawPathParamsRejection>,
     request: Request,

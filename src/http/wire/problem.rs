@@ -152,6 +152,12 @@ impl Problem {
         Self(Box::new(Content { kind, detail: detail.into(), members: Map::new(), headers: Vec::new() }))
     }
 
+    /// A parameter whose value is not accepted.
+    #[must_use]
+    pub(crate) fn invalid(parameter: &str, detail: impl Into<String>) -> Self {
+        Self::new(Kind::InvalidParameter, detail).with("parameter", parameter)
+    }
+
     /// An error of ours: `cause` is logged, the client learns only that it happened.
     #[must_use]
     pub(crate) fn internal(cause: &dyn std::fmt::Display) -> Self {
@@ -266,7 +272,7 @@ impl From<StoreError> for Problem {
             StoreError::NoResult => Self::new(Kind::NoSuchResult, "the job has no result of this kind"),
             StoreError::StorageFull => {
                 tracing::error!(%error, "the database cannot grow");
-                Self::new(Kind::StorageFull, "the service has no space left to store this; what it has can be read")
+                Self::new(Kind::StorageFull, "the service has no disk space left; stored data can still be read")
             }
             StoreError::OwnerQueueFull { .. } => Self::new(Kind::QueueFull, format!("{error}; try again later"))
                 .with_header(header::RETRY_AFTER, retry::QUEUE_SECONDS.to_string()),
@@ -295,8 +301,7 @@ impl From<AnalysisError> for Problem {
     fn from(error: AnalysisError) -> Self {
         match error {
             AnalysisError::Parameter { name, reason } => {
-                Self::new(Kind::InvalidParameter, format!("parameter `{name}`: {reason}"))
-                    .with("parameter", name)
+                Self::invalid(name, format!("parameter `{name}`: {reason}"))
             }
             AnalysisError::Cloud(reason) | AnalysisError::Unsupported(reason) => {
                 Self::new(Kind::UnusableCloud, reason)
@@ -350,13 +355,13 @@ impl From<BasesError> for Problem {
 
 impl From<FilterError> for Problem {
     fn from(error: FilterError) -> Self {
-        Self::new(Kind::InvalidParameter, error.to_string()).with("parameter", error.parameter)
+        Self::invalid(error.parameter, error.to_string())
     }
 }
 
 impl From<TargetError> for Problem {
     fn from(error: TargetError) -> Self {
-        let problem = Self::new(Kind::InvalidParameter, error.to_string()).with("parameter", "field");
+        let problem = Self::invalid("field", error.to_string());
         match error {
             TargetError::Unknown { fields, .. } => problem.with("accepted", fields),
             TargetError::NonFinite { row, .. } => problem.with("row", row),

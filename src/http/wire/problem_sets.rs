@@ -43,21 +43,21 @@ problem_sets! {
     /// Of answers with bodies that take memory.
     AnswerProblems {
         406: "None of the formats is acceptable, or JSON would be too large.",
-        503: "The service makes as many answers as it has memory for.",
+        503: "Not enough memory is free for the answer.",
     }
 
     /// Of a request for a part of an answer.
     RangeProblem {
-        416: "The range lies outside.",
+        416: "The range is outside the result.",
     }
 
     /// Of a request for a job's result.
     ResultProblems {
         404: "No such job.",
         406: "None of the formats is acceptable, or JSON would be too large.",
-        409: "The job has no such result, or not yet.",
+        409: "The job has no such result yet, or will not have one.",
         422: "A parameter is not accepted.",
-        503: "The service makes as many answers as it has memory for.",
+        503: "Not enough memory is free for the answer.",
     }
 
     /// Of a body of numbers.

@@ -13,6 +13,9 @@ use super::problem::{Kind, Problem};
 /// Carries the request's id, both ways.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 
+/// Marks an answer that was given before.
+pub(crate) const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
+
 /// Longest id that a client may choose.
 const REQUEST_ID_LENGTH_MAX: usize = 128;
 

@@ -1,4 +1,4 @@
-//! The uploaded file: taken from the body within limits, its format told from what came with it.
+//! The uploaded file: taken from the body within limits, its format determined from the request or the content.
 
 use axum::body::{Body, Bytes};
 use axum::extract::multipart::MultipartError;
@@ -19,7 +19,7 @@ const EMPTY: &str = "the body is empty; send the file as the body, as in `curl -
 const LINE_ENDS: &str = "the body has no line ends, as `curl -d @FILE` sends files; send it by `curl -T FILE` or \
     `curl --data-binary @FILE`";
 
-/// Media types that say nothing about the format: what clients send when they were not told.
+/// Media types that say nothing about the format: defaults of HTTP clients.
 const UNSPECIFIC: [&str; 9] = [
     "application/octet-stream",
     FORM,
@@ -56,29 +56,32 @@ impl Upload {
         service: &Service,
         body: IncomingBody,
     ) -> Result<(Self, Reservation), Problem> {
-        let media_type = body.headers().get(header::CONTENT_TYPE);
+        let media_type = body.parts().headers.get(header::CONTENT_TYPE);
         let media_type = media_type.map(|value| value.to_str().unwrap_or("?").to_owned());
-        let is_form =
-            media_type.as_deref().is_some_and(|media_type| essence(media_type) == "multipart/form-data");
+        let essence = media_type.as_deref().map(essence);
+        let has_parts = essence.as_deref() == Some("multipart/form-data");
         // Refused before a byte is read.
-        let declared = if is_form { None } else { declared_format(media_type.as_deref())? };
+        let declared = if has_parts { None } else { declared_format(essence.as_deref())? };
         let Received { bytes, mut reservation } = body.receive(u64::MAX).await?;
-        let has_lost_line_ends = media_type.as_deref().is_some_and(|media_type| essence(media_type) == FORM)
-            && memchr::memchr2(b'\n', b'\r', &bytes).is_none();
         let upload = match media_type {
-            Some(media_type) if is_form => {
-                service.reading.run(move || Self::from_multipart(bytes, &media_type)).await??
+            Some(media_type) if has_parts => {
+                service.pools.reading.run(move || Self::from_multipart(bytes, &media_type)).await??
             }
             _ => Self { bytes, file_name: None, declared },
         };
         if upload.bytes.is_empty() {
             return Err(Problem::new(Kind::MalformedRequest, EMPTY));
         }
-        if has_lost_line_ends {
-            return Err(Problem::new(Kind::MalformedRequest, LINE_ENDS));
-        }
+        let may_lack_line_ends = essence.as_deref() == Some(FORM);
         let looked_at = upload.bytes.clone();
-        let unpacked = service.reading.run(move || reader::unpacked_bytes(&looked_at)).await?;
+        let unpacked = service.pools.reading.run(move || {
+            let lacks_line_ends = may_lack_line_ends && memchr::memchr2(b'\n', b'\r', &looked_at).is_none();
+            if lacks_line_ends {
+                return Err(Problem::new(Kind::MalformedRequest, LINE_ENDS));
+            }
+            Ok(reader::unpacked_bytes(&looked_at))
+        });
+        let unpacked = unpacked.await??;
         reservation.grow(Arrival { bytes: unpacked as u64, left: Some(0), is_slow: false }).await?;
         reservation.arrived(unpacked.max(upload.bytes.len()) as u64);
         Ok((upload, reservation))
@@ -100,7 +103,7 @@ impl Upload {
         })?;
         while let Some(part) = parts.next_field().await.map_err(malformed)? {
             let Some(file_name) = part.file_name().map(str::to_owned) else { continue };
-            let declared = declared_format(part.content_type())?;
+            let declared = declared_format(part.content_type().map(essence).as_deref())?;
             let bytes = part.bytes().await.map_err(malformed)?;
             return Ok(Self { bytes, file_name: Some(file_name), declared });
         }
@@ -110,7 +113,8 @@ impl Upload {
         ))
     }
 
-    /// The format: `named`, else from the media type, else from the file name, else from the bytes.
+    /// The format: `named`, else from the media type, else from the file name, else from the bytes. May unpack a compressed
+    /// file: not for the threads that serve requests.
     ///
     /// # Errors
     /// A problem that names the formats.
@@ -120,7 +124,7 @@ impl Upload {
             .or_else(|| Format::of_file(self.file_name.as_deref(), &self.bytes))
             .ok_or_else(|| match reader::foreign(&self.bytes) {
                 Some(error) => unsupported(&error.to_string()),
-                None => unsupported("the format cannot be told from the file"),
+                None => unsupported("the format cannot be determined"),
             })
     }
 }
@@ -135,12 +139,9 @@ fn cut_off() -> Problem {
 }
 
 /// What the media type of a file says of its format: nothing, a format, or something unsupported.
-fn declared_format(media_type: Option<&str>) -> Result<Option<Format>, Problem> {
-    let Some(media_type) = media_type.map(essence) else { return Ok(None) };
-    if UNSPECIFIC.contains(&media_type.as_str()) {
-        return Ok(None);
-    }
-    let known = Format::from_media_type(&media_type);
+fn declared_format(essence: Option<&str>) -> Result<Option<Format>, Problem> {
+    let Some(media_type) = essence.filter(|essence| !UNSPECIFIC.contains(essence)) else { return Ok(None) };
+    let known = Format::from_media_type(media_type);
     known.map(Some).ok_or_else(|| unsupported(&format!("the media type `{media_type}` is not supported")))
 }
 

@@ -114,7 +114,7 @@ impl Decoder {
         read.map_err(|error| {
             Problem::new(
                 Kind::MalformedRequest,
-                format!("the body is not what its Content-Encoding says, or not whole: {error}"),
+                format!("the body does not match its Content-Encoding or is incomplete: {error}"),
             )
         })
     }

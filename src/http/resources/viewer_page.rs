@@ -17,7 +17,7 @@ use crate::viewer;
 /// The page loads its own files and nothing else, runs no text, and stands in no other page.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' blob: data:; \
     worker-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'; require-trusted-types-for 'script'";
-/// The address of a file carries its digest: what is there never changes.
+/// File addresses contain a digest, so their content never changes.
 const FOR_EVER: &str = "public, max-age=31536000, immutable";
 /// Jobs that the page without scripts lists.
 const JOBS_LISTED: u32 = 30;
@@ -37,9 +37,8 @@ const GUARDS: [(HeaderName, &str); 3] = [
 pub(super) async fn page(service: &Shared, owner: Option<&Owner>, uri: &Uri) -> Result<Response, Problem> {
     let without_scripts = match owner {
         Some(owner) => pictures(service, owner, uri).await?,
-        None => {
-            "<p>This page needs scripts: the service wants a key, which only they can send.</p>".to_owned()
-        }
+        None => "<p>This page needs scripts: the service requires a key, which only scripts can send.</p>"
+            .to_owned(),
     };
     let page = viewer::CURRENT.page(&format!("<noscript>{without_scripts}</noscript>"));
     let headers = [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CACHE_CONTROL, "no-cache")];
