@@ -25,7 +25,7 @@ pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 
 use admission::{Bases, check_cells, triangles};
-use assembly::{Assembled, Surface, assemble};
+use assembly::{Assembled, Surface, assemble, is_narrow, narrow};
 use expected::Doubts;
 use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
@@ -98,54 +98,60 @@ pub fn analyze_by(
         clip_rims: additions.isometric_cells,
         sheet_aware: additions.sheet_aware,
     };
-    let (frames, surveyed) = if additions.isometric_cells && parameters.dimension == 2 {
+    let (frames, stars, orientation, traits) = if additions.isometric_cells && parameters.dimension == 2 {
         let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules };
         let surveyed = survey.triangulate(frames, additions.sheet_aware, progress)?;
-        (surveyed.frames.clone(), Some(surveyed))
+        (surveyed.frames, Some(surveyed.stars), Some(surveyed.orientation), Some(surveyed.traits))
     } else {
-        (frames, None)
+        (frames, None, None, None)
     };
-    let stars = surveyed.as_ref().map(|surveyed| &surveyed.stars);
-    let mut cells = match stars {
-        Some(stars) => stars.cells(&points),
+    let mut cells = match &stars {
+        Some(stars) => stars.cells(&points, progress)?,
         None => cells(&points, &tree, &nearest, &frames, options, progress)?,
     };
-    let fidelity = surveyed
-        .as_ref()
-        .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
+    let disagreement = if traits.is_some() { cells.disagreement(progress)? } else { 0.0 };
+    let fidelity = traits.map(|traits| Fidelity::of(traits, disagreement, noise, merged, parameters));
     warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
     progress.checkpoint()?;
     // kernels reach beyond rims: to them random rims gain less than the ragged holes of scans lose
-    if let Some(stars) = stars.filter(|_| parameters.operator == OperatorKind::Voronoi && rules.extend_rims) {
+    let extends = parameters.operator == OperatorKind::Voronoi && rules.extend_rims;
+    if let Some(stars) = stars.as_ref().filter(|_| extends) {
         cells.extend_rims(&points, stars);
     }
-    let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
+    let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells, progress)?;
     sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
-    let stretch =
-        surveyed.as_ref().filter(|_| rules.resolve_stretch).map_or(1.0, |surveyed| surveyed.stretch);
+    let stretch = traits.filter(|_| rules.resolve_stretch).map_or(1.0, |traits| traits.stretch);
     let parameters = &parameters.for_kind(kind, &sampling, points.len()).for_stretch(stretch);
 
     progress.enter(Phase::Assembly)?;
-    let surface = Surface {
-        points: &points,
-        tree: &tree,
-        nearest: &nearest,
-        cells: &cells,
-        stars,
-        orientation: surveyed.as_ref().map(|surveyed| &surveyed.orientation),
-        sampling: &sampling,
-        triangles: &triangles,
-    };
     warnings.splice(0..0, cloud.notes().iter().cloned());
-    let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
-    drop((tree, nearest, triangles));
+    let assembled = if is_narrow(parameters.operator) {
+        // of large clouds there is no room for these beside the matrix, which needs none of them
+        drop((tree, nearest, frames, stars, orientation));
+        narrow(&points, &cells, &triangles, parameters.operator, progress)?
+    } else {
+        let surface = Surface {
+            points: &points,
+            tree: &tree,
+            nearest: &nearest,
+            cells: &cells,
+            stars: stars.as_ref(),
+            orientation: orientation.as_ref(),
+            sampling: &sampling,
+            triangles: &triangles,
+        };
+        let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
+        drop((tree, nearest, stars, orientation));
+        assembled
+    };
+    drop(triangles);
     progress.checkpoint()?;
     let (operator, place) =
         without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
     let known = |i: usize| Some(place[i]).filter(|&place| place != NO_PLACE);
-    let doubts = match surveyed {
-        Some(surveyed) if kind == JobKind::Eigen => {
-            Doubts::of(&surveyed, &cells, parameters.operator, known, progress)?
+    let doubts = match traits {
+        Some(traits) if kind == JobKind::Eigen => {
+            Doubts::of(traits, &cells, parameters.operator, known, progress)?
         }
         _ => None,
     };
