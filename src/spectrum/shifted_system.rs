@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::Problem;
 use super::factor::Cholesky;
 use super::vectors::block::Block;
-use super::vectors::single::added;
+use super::vectors::pair::added;
 use super::vectors::sparse_product::{Finish, Rows, finished_product};
 use crate::progress::{Canceled, Progress};
 
