@@ -25,7 +25,7 @@ pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 
 use admission::{Bases, check_cells, triangles};
-use assembly::{Assembled, Surface, assemble, is_narrow, narrow};
+use assembly::{Assembled, Surface, assemble, narrow};
 use expected::Doubts;
 use neighborhoods::Neighborhoods;
 use result::NO_PLACE;
@@ -77,7 +77,7 @@ pub fn analyze_by(
 ) -> Result<Analysis, AnalysisError> {
     parameters.check()?;
     progress.enter(Phase::Preparation)?;
-    let points = Points::prepare(cloud, parameters.dimension)?;
+    let points = Points::prepare_by(cloud, parameters.dimension, progress)?;
     parameters.check_extent(points.extent())?;
     let points = points.normalized();
     let parameters = &parameters.in_units(points.unit());
@@ -125,7 +125,7 @@ pub fn analyze_by(
 
     progress.enter(Phase::Assembly)?;
     warnings.splice(0..0, cloud.notes().iter().cloned());
-    let assembled = if is_narrow(parameters.operator) {
+    let assembled = if parameters.operator.is_narrow() {
         // of large clouds there is no room for these beside the matrix, which needs none of them
         drop((tree, nearest, frames, stars, orientation));
         narrow(&points, &cells, &triangles, parameters.operator, progress)?

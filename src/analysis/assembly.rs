@@ -70,11 +70,6 @@ pub(super) fn narrow(
     Ok(Assembled { laplacian, narrow: None })
 }
 
-/// Whether an operator is made of cells or triangles alone.
-pub(super) fn is_narrow(operator: OperatorKind) -> bool {
-    matches!(operator, OperatorKind::Voronoi | OperatorKind::Cotangent)
-}
-
 /// Assembles the operator that the parameters name.
 pub(super) fn assemble(
     surface: &Surface<'_>,

@@ -181,6 +181,7 @@ fn gap(sizes: &[f64]) -> f64 {
 mod tests {
     use crate::geometry::cells::CellKind;
     use crate::geometry::stars::tests::{jitter, stars_of};
+    use crate::progress::Progress;
 
     /// A jittered lattice of 30 × 30 unit squares without the points that `hole` takes out.
     fn plate(hole: impl Fn(f64, f64) -> bool) -> Vec<[f64; 3]> {

@@ -137,6 +137,7 @@ fn spacing(cells: &Cells, stars: &Stars, point: u32) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::stars::tests::{jitter, stars_of};
+    use crate::progress::Progress;
 
     /// Area of the cells, and what the strips add to it.
     fn areas(rows: &[[f64; 3]]) -> [f64; 2] {

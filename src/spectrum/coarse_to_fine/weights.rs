@@ -285,10 +285,11 @@ mod tests {
             values[i * CANDIDATES..][..row.len()].copy_from_slice(row);
         }
         let weights = Weights { owner, offsets, near, values };
-        assert_eq!((&weights).row(3), (&[2, 1, 0][..], &[0.25, 0.5, 0.25][..]));
+        let rows = &weights;
+        assert_eq!(rows.row(3), (&[2, 1, 0][..], &[0.25, 0.5, 0.25][..]));
         let mut dense = [[0.0_f32; 3]; 5];
         for (i, row) in dense.iter_mut().enumerate() {
-            let (columns, values) = (&weights).row(i);
+            let (columns, values) = rows.row(i);
             columns.iter().zip(values).for_each(|(&c, &weight)| row[c as usize] = weight);
         }
         let mut x = Block::<f32>::zeros(5, 9);
