@@ -26,7 +26,7 @@ pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
 
 use admission::{Bases, check_cells, triangles};
-use assembly::{Assembled, Surface, assemble};
+use assembly::{Assembled, Surface, assemble, narrow};
 use expected::Doubts;
 use measured::{Figures, Measured};
 use result::NO_PLACE;
@@ -72,41 +72,48 @@ pub fn analyze_by(
 ) -> Result<Analysis, AnalysisError> {
     parameters.check()?;
     progress.enter(Phase::Preparation)?;
-    let points = Points::prepare(cloud, parameters.dimension)?;
+    let points = Points::prepare_by(cloud, parameters.dimension, progress)?;
     parameters.check_extent(points.extent())?;
     let points = points.normalized();
     let parameters = &parameters.in_units(points.unit());
     let triangles = triangles(cloud, &points, parameters)?;
 
     progress.expect(durations::expected(kind, parameters, points.len()));
-    let Measured { points, tree, nearest, frames, surveyed, cells, figures } =
+    let Measured { points, tree, nearest, frames, stars, orientation, traits, cells, figures } =
         Measured::of(points, parameters, rules, progress)?;
     let Figures { mut lonely, dimension_estimate, mut sampling, fidelity, mut warnings } = figures;
-    let stretch =
-        surveyed.as_ref().filter(|_| rules.resolve_stretch).map_or(1.0, |surveyed| surveyed.stretch);
+    let stretch = traits.filter(|_| rules.resolve_stretch).map_or(1.0, |traits| traits.stretch);
     let parameters = &parameters.for_kind(kind, &sampling, points.len()).for_stretch(stretch);
 
     progress.enter(Phase::Assembly)?;
-    let surface = Surface {
-        points: &points,
-        tree: &tree,
-        nearest: &nearest,
-        cells: &cells,
-        stars: surveyed.as_ref().map(|surveyed| &surveyed.stars),
-        orientation: surveyed.as_ref().map(|surveyed| &surveyed.orientation),
-        sampling: &sampling,
-        triangles: &triangles,
-    };
     warnings.splice(0..0, cloud.notes().iter().cloned());
-    let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
-    drop((tree, nearest, triangles));
+    let assembled = if parameters.operator.is_narrow() {
+        // of large clouds there is no room for these beside the matrix, which needs none of them
+        drop((tree, nearest, frames, stars, orientation));
+        narrow(&points, &cells, &triangles, parameters.operator, progress)?
+    } else {
+        let surface = Surface {
+            points: &points,
+            tree: &tree,
+            nearest: &nearest,
+            cells: &cells,
+            stars: stars.as_ref(),
+            orientation: orientation.as_ref(),
+            sampling: &sampling,
+            triangles: &triangles,
+        };
+        let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
+        drop((tree, nearest, stars, orientation));
+        assembled
+    };
+    drop(triangles);
     progress.checkpoint()?;
     let (operator, place) =
         without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
     let known = |i: usize| Some(place[i]).filter(|&place| place != NO_PLACE);
-    let doubts = match surveyed {
-        Some(surveyed) if kind == JobKind::Eigen => {
-            Doubts::of(&surveyed, &cells, parameters.operator, known, progress)?
+    let doubts = match traits {
+        Some(traits) if kind == JobKind::Eigen => {
+            Doubts::of(traits, &cells, parameters.operator, known, progress)?
         }
         _ => None,
     };

@@ -12,7 +12,7 @@ use crate::operator::unfolding::Atlas;
 use crate::operator::{
     LaplaceBeltrami, OperatorKind, Parameterization, Sparse, cotangent, graph, mesh, pb_mhb, pcd, voronoi,
 };
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 use crate::spectrum::Weyl;
 
 /// Most neighbors within δ that an operator may couple per point, on average.
@@ -54,6 +54,22 @@ pub(super) struct Assembled {
     pub(super) narrow: Option<Sparse>,
 }
 
+/// Assembles finite volumes or cotangents, of which nothing but cells or triangles is asked.
+pub(super) fn narrow(
+    points: &Points,
+    cells: &Cells,
+    triangles: &Triangles,
+    operator: OperatorKind,
+    progress: &Progress,
+) -> Result<Assembled, AnalysisError> {
+    let laplacian = if operator == OperatorKind::Cotangent {
+        cotangent::build(points, triangles, progress)?
+    } else {
+        LaplaceBeltrami::narrow(voronoi::stiffness(cells, progress)?, cells.volume.clone())
+    };
+    Ok(Assembled { laplacian, narrow: None })
+}
+
 /// Assembles the operator that the parameters name.
 pub(super) fn assemble(
     surface: &Surface<'_>,
@@ -77,8 +93,9 @@ pub(super) fn assemble(
     };
     let volumes = || cells.volume.clone();
     let (laplacian, narrow) = match parameters.operator {
-        OperatorKind::Voronoi => (LaplaceBeltrami::narrow(walls, volumes()), None),
-        OperatorKind::Cotangent => (cotangent::build(points, triangles, progress)?, None),
+        kind @ (OperatorKind::Voronoi | OperatorKind::Cotangent) => {
+            return narrow(points, cells, triangles, kind, progress);
+        }
         OperatorKind::PbMhb => {
             (pb_mhb(surface, frames, &walls, parameters, warnings, progress)?, Some(walls))
         }
@@ -88,12 +105,12 @@ pub(super) fn assemble(
         }
         OperatorKind::Pcd => {
             let options = parameters.pcd_options(kernel()?);
-            let planes = planes(surface, frames, &walls, parameters, warnings);
+            let planes = planes(surface, frames, &walls, parameters, warnings, progress)?;
             (pcd::build(points, tree, &planes, volumes(), &options, progress)?, Some(walls))
         }
         OperatorKind::PcdSymmetrized => {
             let options = parameters.pcd_options(kernel()?);
-            let planes = planes(surface, frames, &walls, parameters, warnings);
+            let planes = planes(surface, frames, &walls, parameters, warnings, progress)?;
             let laplacian = pcd::build_symmetrized(points, tree, &planes, &options, progress)?;
             (laplacian, Some(scaled(walls, |i| 1.0 / cells.volume[i].sqrt())))
         }
@@ -114,10 +131,16 @@ pub(super) fn assemble(
 }
 
 /// Tangent planes of one handedness.
-fn oriented(surface: &Surface<'_>, frames: Frames, walls: &Sparse, warnings: &mut Vec<String>) -> Sheets {
+fn oriented(
+    surface: &Surface<'_>,
+    frames: Frames,
+    walls: &Sparse,
+    warnings: &mut Vec<String>,
+    progress: &Progress,
+) -> Result<Sheets, Canceled> {
     let sheets = match surface.orientation {
         Some(orientation) => Sheets::oriented(frames, orientation.clone()),
-        None => Sheets::orient(frames, walls),
+        None => Sheets::orient(frames, walls, progress)?,
     };
     if !sheets.is_orientable() {
         warnings.push(
@@ -125,7 +148,7 @@ fn oriented(surface: &Surface<'_>, frames: Frames, walls: &Sparse, warnings: &mu
                 .into(),
         );
     }
-    sheets
+    Ok(sheets)
 }
 
 /// Where `pcd` looks for neighbors. Its authors' program finds planes of its own, which are not oriented.
@@ -135,12 +158,13 @@ fn planes(
     walls: &Sparse,
     parameters: &Parameters,
     warnings: &mut Vec<String>,
-) -> Planes {
+    progress: &Progress,
+) -> Result<Planes, Canceled> {
     let own = parameters.parameterization == Some(Parameterization::NearestTen);
     if parameters.additions().sheet_aware && !own {
-        Planes::Sheet(oriented(surface, frames, walls, warnings))
+        Ok(Planes::Sheet(oriented(surface, frames, walls, warnings, progress)?))
     } else {
-        Planes::Ball(frames)
+        Ok(Planes::Ball(frames))
     }
 }
 
@@ -172,8 +196,9 @@ fn pb_mhb(
     let local = bandwidth.of_kernel(kernel);
     check_coupling(points, tree, kernel.delta, |i| local.reach(i), parameters, progress)?;
     let stars = stars.filter(|_| additions.surface_distances);
-    let sheets =
-        (additions.sheet_aware || stars.is_some()).then(|| oriented(surface, frames, walls, warnings));
+    let sheets = (additions.sheet_aware || stars.is_some())
+        .then(|| oriented(surface, frames, walls, warnings, progress))
+        .transpose()?;
     progress.checkpoint()?;
     let atlas = sheets.as_ref().zip(stars).map(|(sheets, stars)| Atlas::new(points, stars, sheets));
     progress.checkpoint()?;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::geometry::Cells;
 use crate::geometry::cells::CellKind;
-use crate::geometry::survey::Surveyed;
+use crate::geometry::survey::Traits;
 use crate::operator::OperatorKind;
 use crate::progress::{Canceled, Progress};
 
@@ -59,7 +59,7 @@ impl Doubts {
     /// # Errors
     /// [`Canceled`].
     pub(super) fn of(
-        surveyed: &Surveyed,
+        Traits { opened, stretch }: Traits,
         cells: &Cells,
         operator: OperatorKind,
         place: impl Fn(usize) -> Option<u32>,
@@ -93,8 +93,8 @@ impl Doubts {
             apart,
             radius: kept.iter().map(|&i| cells.radius[i] * cells.radius[i]).collect(),
             rim: kept.iter().map(|&i| cells.kind[i] != CellKind::Closed).collect(),
-            stretch: surveyed.stretch,
-            opened: surveyed.opened,
+            stretch,
+            opened,
             least,
         }))
     }

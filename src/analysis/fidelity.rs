@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Parameters;
-use crate::geometry::survey::Surveyed;
+use crate::geometry::survey::Traits;
 use crate::operator::OperatorKind;
 
 /// What the triangulated surface says of itself. Absent for operators that triangulate none.
@@ -52,13 +52,12 @@ const RESOLVED_STRETCH_WARNED: f64 = 6.0;
 
 impl Fidelity {
     pub(super) fn of(
-        surveyed: &Surveyed,
+        Traits { opened, stretch }: Traits,
         disputed: f64,
         noise: f64,
         merged: usize,
         parameters: &Parameters,
     ) -> Self {
-        let &Surveyed { opened, stretch, .. } = surveyed;
         // only a kernel that is alike in all directions minds
         let stretched = if parameters.operator == OperatorKind::Voronoi { 1.0 } else { stretch };
         let trust = halved(disputed, DISPUTED_HALF)

@@ -3,8 +3,9 @@
 use super::neighborhoods::Neighborhoods;
 use super::{AnalysisError, Fidelity, Parameters};
 use crate::geometry::cells::CellOptions;
-use crate::geometry::survey::{Rules, Survey, Surveyed};
-use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, cells, frames};
+use crate::geometry::orientation::Orientation;
+use crate::geometry::survey::{Rules, Survey, Traits};
+use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, cells, frames};
 use crate::operator::OperatorKind;
 use crate::progress::{Phase, Progress};
 
@@ -18,8 +19,11 @@ pub(super) struct Measured {
     pub(super) tree: SearchTree,
     pub(super) nearest: NearestNeighbors,
     pub(super) frames: Frames,
-    /// The triangles around every point of a surface, where cells are made of them.
-    pub(super) surveyed: Option<Surveyed>,
+    /// The triangles around every point of a surface, where cells are made of them; which side of it is which; how it is
+    /// sampled.
+    pub(super) stars: Option<Stars>,
+    pub(super) orientation: Option<Orientation>,
+    pub(super) traits: Option<Traits>,
     pub(super) cells: Cells,
     pub(super) figures: Figures,
 }
@@ -56,33 +60,30 @@ impl Measured {
             clip_rims: additions.isometric_cells,
             sheet_aware: additions.sheet_aware,
         };
-        let (frames, surveyed) = if additions.isometric_cells && parameters.dimension == 2 {
+        let (frames, stars, orientation, traits) = if additions.isometric_cells && parameters.dimension == 2 {
             let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules };
             let surveyed = survey.triangulate(frames, additions.sheet_aware, progress)?;
-            (surveyed.frames.clone(), Some(surveyed))
+            (surveyed.frames, Some(surveyed.stars), Some(surveyed.orientation), Some(surveyed.traits))
         } else {
-            (frames, None)
+            (frames, None, None, None)
         };
-        let stars = surveyed.as_ref().map(|surveyed| &surveyed.stars);
-        let mut cells = match stars {
-            Some(stars) => stars.cells(&points),
+        let mut cells = match &stars {
+            Some(stars) => stars.cells(&points, progress)?,
             None => cells(&points, &tree, &nearest, &frames, options, progress)?,
         };
-        let fidelity = surveyed
-            .as_ref()
-            .map(|surveyed| Fidelity::of(surveyed, cells.disagreement(), noise, merged, parameters));
+        let disagreement = if traits.is_some() { cells.disagreement(progress)? } else { 0.0 };
+        let fidelity = traits.map(|traits| Fidelity::of(traits, disagreement, noise, merged, parameters));
         warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
         progress.checkpoint()?;
         // kernels reach beyond rims: to them random rims gain less than the ragged holes of scans lose
-        if let Some(stars) =
-            stars.filter(|_| parameters.operator == OperatorKind::Voronoi && rules.extend_rims)
-        {
+        let extends = parameters.operator == OperatorKind::Voronoi && rules.extend_rims;
+        if let Some(stars) = stars.as_ref().filter(|_| extends) {
             cells.extend_rims(&points, stars);
         }
-        let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells);
+        let mut sampling = Sampling::measure(&points, &nearest, parameters.dimension, &cells, progress)?;
         sampling.epsilon = parameters.epsilon.unwrap_or(sampling.epsilon);
         let figures = Figures { lonely: strays, dimension_estimate, sampling, fidelity, warnings };
-        Ok(Self { points, tree, nearest, frames, surveyed, cells, figures })
+        Ok(Self { points, tree, nearest, frames, stars, orientation, traits, cells, figures })
     }
 }
 

@@ -36,14 +36,20 @@ const JOB_BYTES: u64 = 46_000_000;
 const THINNED: [u64; 3] = [7, 49, 343];
 /// Fewest points of a sample per basis.
 const SAMPLE_POINTS_PER_BASIS: u64 = 20;
+/// Bytes per point until a cloud that is thinned out has its narrow operator: points, 20 neighbors, tree, planes, and triangles
+/// with the votes about their sides.
+const PREPARED_BYTES: u64 = 560;
 /// Bytes per point while a sample is solved: points and cloud, masses, and a narrow matrix with the weights of the sample.
-const HELD_BYTES: u64 = 420;
-/// The same of a kernel's rows.
-const HELD_KERNEL_BYTES: u64 = 440;
+const HELD_BYTES: u64 = 370;
+/// Beside it what a kernel's rows take.
+const HELD_KERNEL_BYTES: u64 = 490;
 /// Pairs of points that a kernel couples, per point of an even sample, each of which takes [`ENTRY_BYTES`] at first.
 const COUPLED: u64 = 28;
-/// Bytes per point, beside a number in single precision for every basis, while the sample's bases are brought to all points.
-const PROLONGED_BYTES: u64 = 410;
+/// Bytes per point, beside a number in single precision for every basis, while the sample's bases are brought to all points:
+/// the factor of the sample, the transposed weights, and the matrix in single precision.
+const PROLONGED_BYTES: u64 = 230;
+/// The same beside a kernel.
+const PROLONGED_KERNEL_BYTES: u64 = 180;
 /// Four square matrices of doubles: the matrix, its eigenvectors, and what they are found in.
 const DENSE_BYTES: u64 = 4 * 8;
 
@@ -64,15 +70,17 @@ pub fn memory_estimate(
         Some(sample) => {
             let of_sample = Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() };
             let solving = estimate(sample, dimension, 0, kind, &of_sample);
-            let is_narrow = matches!(parameters.operator, OperatorKind::Voronoi | OperatorKind::Cotangent);
-            let [assembled, rows] =
-                if is_narrow { [0, 0] } else { [COUPLED * ENTRY_BYTES, HELD_KERNEL_BYTES] };
-            let geometry = points.saturating_mul(GEOMETRY_BYTES + 16 * dimension as u64 + assembled);
+            let [geometry, rows, kernel] = if parameters.operator.is_narrow() {
+                [PREPARED_BYTES, 0, 0]
+            } else {
+                [GEOMETRY_BYTES + COUPLED * ENTRY_BYTES, HELD_KERNEL_BYTES, PROLONGED_KERNEL_BYTES]
+            };
+            let geometry = points.saturating_mul(geometry + 16 * dimension as u64);
             let beside = points.saturating_mul(HELD_BYTES + rows);
             // guards and groups of vectors beside the bases
             let groups = GROUPS_HELD * group_width(points as usize);
             let singles = 4 * (parameters.bases + GUARDS + groups) as u64;
-            let prolonged = points.saturating_mul(PROLONGED_BYTES + singles).saturating_add(beside);
+            let prolonged = points.saturating_mul(PROLONGED_BYTES + kernel + singles).saturating_add(beside);
             let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
             most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
         }
@@ -193,11 +201,15 @@ pub(super) fn memory_beside_factor(
 }
 
 fn with_matrix(points: u64, dimension: usize, matrix: u64, parameters: &Parameters) -> u64 {
-    let vectors = match parameters.sample_of(points, dimension, JobKind::Eigen) {
-        Some(_) => 4 * parameters.bases as u64,
-        None => 8 * vectors(points, parameters) as u64,
+    let geometry = GEOMETRY_BYTES + 16 * dimension as u64;
+    let per_point = match parameters.sample_of(points, dimension, JobKind::Eigen) {
+        // the matrix is among what is held, and vectors come after the factor of the sample
+        Some(_) if parameters.operator.is_narrow() => {
+            return points.saturating_mul(HELD_BYTES).saturating_add(JOB_BYTES);
+        }
+        Some(_) => geometry + 4 * parameters.bases as u64,
+        None => geometry + 8 * vectors(points, parameters) as u64,
     };
-    let per_point = GEOMETRY_BYTES + 16 * dimension as u64 + vectors;
     points.saturating_mul(per_point).saturating_add(matrix).saturating_add(JOB_BYTES)
 }
 
@@ -265,6 +277,8 @@ mod tests {
         let thinned = fitted(5_000_000, JobKind::Eigen, 12);
         assert_eq!(thinned.solved_points, Some(5_000_000 / 7));
         assert!(memory_estimate(5_000_000, 3, 0, JobKind::Eigen, &thinned) <= 12 << 30);
+        let largest = fitted(11_000_000, JobKind::Eigen, 12);
+        assert!(memory_estimate(11_000_000, 3, 0, JobKind::Eigen, &largest) <= 12 << 30);
         assert_eq!(fitted(5_000_000, JobKind::Operator, 12), parameters);
         let smallest = fitted(50_000_000, JobKind::Eigen, 12);
         assert_eq!(

@@ -7,7 +7,7 @@ use super::frames::Frames;
 use super::neighborhoods::{NearestNeighbors, SearchTree};
 use super::points::{GeometryError, Points};
 use super::polytope::{Corner, Interval, Polygon, Polyhedron, Polytope, dot};
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// Neighbors steeper than this against the tangent space (sine of the angle) belong to another sheet.
 const STEEPNESS_MAX: f64 = 0.8;
@@ -63,10 +63,15 @@ impl Cells {
 impl Cells {
     /// How differently walls are seen from their two sides: the sum of the differences over the sum of the sizes, 0 to 1.
     /// Diagonals of squares, which points choose as they like, have no wall and do not count.
-    #[must_use]
-    pub fn disagreement(&self) -> f64 {
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn disagreement(&self, progress: &Progress) -> Result<f64, Canceled> {
         let (mut apart, mut all) = (0.0, 0.0);
         for (p, walls) in self.conductance.iter().enumerate() {
+            if p.is_multiple_of(BATCH) {
+                progress.checkpoint()?;
+            }
             for &(q, wall) in walls {
                 let back = &self.conductance[q as usize];
                 let seen = back.binary_search_by_key(&(p as u32), |&(r, _)| r).map_or(0.0, |k| back[k].1);
@@ -74,7 +79,7 @@ impl Cells {
                 all += wall.abs();
             }
         }
-        if all > 0.0 { (apart / all).min(1.0) } else { 0.0 }
+        Ok(if all > 0.0 { (apart / all).min(1.0) } else { 0.0 })
     }
 }
 

@@ -11,6 +11,7 @@ use super::metric::TriangleMetric;
 use super::neighborhoods::NearestNeighbors;
 use super::points::Points;
 use super::stars::Stars;
+use crate::progress::{Canceled, Progress};
 
 /// Nearest neighbors whose cells tell the size of an ordinary triangle.
 const AROUND: usize = 16;
@@ -30,16 +31,33 @@ const GAP_MAX: f64 = 2.6;
 /// 1.6 and 1.8 (with `GAP_MAX` alone).
 const GAP_BESIDE: f64 = 1.5;
 
+/// Points handled between two looks at the progress, and by one task.
+const BATCH: usize = 1 << 18;
+const TASK: usize = 4_096;
+
 impl Stars {
     /// Takes the triangles out that span gaps, then the spokes that are left without triangles. Whatever one star
     /// takes out all stars take out. With `verify` only gaps stay open that are surrounded by smaller triangles.
-    #[must_use]
-    pub fn with_open_gaps(mut self, points: &Points, nearest: &NearestNeighbors, verify: bool) -> Self {
-        let sizes = self.relative_sizes(points, nearest);
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn with_open_gaps(
+        mut self,
+        points: &Points,
+        nearest: &NearestNeighbors,
+        verify: bool,
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
+        let sizes = self.relative_sizes(points, nearest, progress)?;
         let gap = gap(&sizes);
+        progress.checkpoint()?;
         let mut opened: Vec<(usize, usize)> = Vec::new();
-        let before = self.clone();
+        let before: Vec<bool> =
+            (0..self.len()).flat_map(|i| self.of(i).iter().map(|spoke| spoke.filled)).collect();
         for i in 0..self.len() {
+            if i.is_multiple_of(BATCH) {
+                progress.checkpoint()?;
+            }
             for k in 0..self.of(i).len() {
                 let size = sizes[self.offsets()[i] + k];
                 if !self.of(i)[k].filled || size > gap {
@@ -67,51 +85,84 @@ impl Stars {
                 }
             }
         }
-        let taken = Taken::between(&before, &self, &sizes);
+        let taken = Taken::between(&before, &self, &sizes, progress)?;
+        drop((before, sizes));
         taken.close(&mut self, points, verify);
+        progress.checkpoint()?;
         self.trim();
-        self
+        Ok(self)
     }
 
     /// Circumradius of every filled triangle over the ordinary size at its corners, the middle one of three; 0 for
     /// those that are not filled.
-    fn relative_sizes(&self, points: &Points, nearest: &NearestNeighbors) -> Vec<f64> {
-        let radii: Vec<Vec<f64>> = (0..self.len())
+    fn relative_sizes(
+        &self,
+        points: &Points,
+        nearest: &NearestNeighbors,
+        progress: &Progress,
+    ) -> Result<Vec<f64>, Canceled> {
+        let radius = |i: usize, k: usize| TriangleMetric::of(points, self.triangle(i, k)).circumradius();
+        let mut sizes = vec![0.0; self.offsets()[self.len()]];
+        self.for_each_star(&mut sizes, progress, |i, sizes| {
+            for (k, size) in sizes.iter_mut().enumerate() {
+                *size = if self.of(i)[k].filled { radius(i, k) } else { 0.0 };
+            }
+        })?;
+        let farthest: Vec<f64> = (0..self.len())
             .into_par_iter()
             .with_min_len(256)
-            .map(|i| {
-                let radius = |k: usize| TriangleMetric::of(points, self.triangle(i, k)).circumradius();
-                (0..self.of(i).len()).map(|k| if self.of(i)[k].filled { radius(k) } else { 0.0 }).collect()
-            })
+            .map(|i| sizes[self.offsets()[i]..self.offsets()[i + 1]].iter().copied().fold(0.0, f64::max))
             .collect();
-        let farthest: Vec<f64> =
-            radii.par_iter().map(|radii| radii.iter().copied().fold(0.0, f64::max)).collect();
         let ordinary: Vec<f64> = (0..self.len())
             .into_par_iter()
             .with_min_len(256)
-            .map(|i| {
+            .map_init(Vec::new, |sizes: &mut Vec<f64>, i| {
+                if progress.is_canceled() {
+                    return 0.0;
+                }
                 let around = nearest.of(i);
-                let mut sizes: Vec<f64> =
-                    around[..AROUND.min(around.len())].iter().map(|&q| farthest[q as usize]).collect();
+                sizes.clear();
+                sizes.extend(around[..AROUND.min(around.len())].iter().map(|&q| farthest[q as usize]));
                 let middle = sizes.len() / 2;
                 *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
             })
             .collect();
-        (0..self.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .flat_map_iter(|i| {
-                let ordinary = &ordinary;
-                radii[i].iter().enumerate().map(move |(k, &radius)| {
-                    if radius == 0.0 {
-                        return 0.0;
-                    }
-                    let mut sizes = self.triangle(i, k).map(|corner| ordinary[corner as usize]);
-                    sizes.sort_unstable_by(f64::total_cmp);
-                    radius / sizes[1]
-                })
-            })
-            .collect()
+        self.for_each_star(&mut sizes, progress, |i, sizes| {
+            for (k, size) in sizes.iter_mut().enumerate().filter(|(_, size)| **size != 0.0) {
+                let mut around = self.triangle(i, k).map(|corner| ordinary[corner as usize]);
+                around.sort_unstable_by(f64::total_cmp);
+                *size /= around[1];
+            }
+        })?;
+        Ok(sizes)
+    }
+
+    /// Changes the numbers behind the spokes of every star, in parallel.
+    fn for_each_star(
+        &self,
+        numbers: &mut [f64],
+        progress: &Progress,
+        change: impl Fn(usize, &mut [f64]) + Sync + Send,
+    ) -> Result<(), Canceled> {
+        let mut tasks: Vec<(usize, &mut [f64])> = Vec::with_capacity(self.len().div_ceil(TASK));
+        let mut rest = numbers;
+        for first in (0..self.len()).step_by(TASK) {
+            let end = self.offsets()[self.len().min(first + TASK)];
+            let (own, others) = rest.split_at_mut(end - self.offsets()[first]);
+            tasks.push((first, own));
+            rest = others;
+        }
+        tasks.into_par_iter().for_each(|(first, mut own)| {
+            for i in first..self.len().min(first + TASK) {
+                if progress.is_canceled() {
+                    return;
+                }
+                let (star, others) = std::mem::take(&mut own).split_at_mut(self.of(i).len());
+                change(i, star);
+                own = others;
+            }
+        });
+        progress.checkpoint()
     }
 }
 
@@ -130,6 +181,7 @@ fn gap(sizes: &[f64]) -> f64 {
 mod tests {
     use crate::geometry::cells::CellKind;
     use crate::geometry::stars::tests::{jitter, stars_of};
+    use crate::progress::Progress;
 
     /// A jittered lattice of 30 × 30 unit squares without the points that `hole` takes out.
     fn plate(hole: impl Fn(f64, f64) -> bool) -> Vec<[f64; 3]> {
@@ -148,7 +200,7 @@ mod tests {
 
     fn area_and_rim(rows: &[[f64; 3]]) -> (f64, usize) {
         let (points, _, stars) = stars_of(rows);
-        let cells = stars.cells(&points);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
         (cells.volume.iter().sum(), cells.count(CellKind::Rim))
     }
 

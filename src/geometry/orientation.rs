@@ -4,13 +4,22 @@
 //! a thin part joins planes that agree best of all, and wrongly. Here patches grow as in Borůvka's tree, but two patches are
 //! joined by the sum of the votes of all links between them: a few wrong ones are outvoted.
 
+use rayon::prelude::*;
+
 use super::frames::Frames;
+use crate::progress::{Canceled, Progress};
 
 /// Neighbors whose planes are within 45° of each other can be compared reliably.
 const COMPARABLE: f64 = 0.7;
 
 /// Passes in which single points follow the majority around them.
 const PASSES: usize = 3;
+
+/// Votes or points handled between two looks at the progress.
+const BATCH: usize = 1 << 20;
+
+/// No vote.
+const NONE: u32 = u32::MAX;
 
 /// Two adjacent points and how much their link counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,27 +42,36 @@ pub struct Orientation {
 
 impl Orientation {
     /// Orients `frames` along `links`, which must be sorted and distinct.
-    #[must_use]
-    pub fn find(frames: &Frames, n: usize, links: &[Link]) -> Self {
-        let agreements: Vec<f64> =
-            links.iter().map(|link| frames.agreement(link.ends[0] as usize, link.ends[1] as usize)).collect();
-        let votes: Vec<([u32; 2], f64)> = links
-            .iter()
-            .zip(&agreements)
-            .map(|(link, agreement)| (link.ends, link.weight * agreement * agreement.abs()))
-            .collect();
-        let mut flipped = by_patches(n, votes.clone());
-        follow_majority(&mut flipped, &votes);
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn find(frames: &Frames, n: usize, links: &[Link], progress: &Progress) -> Result<Self, Canceled> {
+        // found twice, because there is no room to keep them
+        let agreement = |link: &Link| frames.agreement(link.ends[0] as usize, link.ends[1] as usize);
+        let vote = |link: &Link| {
+            let agreement = agreement(link);
+            (link.ends, link.weight * agreement * agreement.abs())
+        };
+        let votes: Vec<Vote> = links.par_iter().with_min_len(1 << 12).map(vote).collect();
+        progress.checkpoint()?;
+        let mut flipped = by_patches(n, &votes, progress)?;
+        follow_majority(&mut flipped, &votes, progress)?;
+        drop(votes);
         let (mut comparable, mut conflicting) = (0.0, 0.0);
-        for (link, agreement) in links.iter().zip(&agreements).filter(|(_, a)| a.abs() > COMPARABLE) {
-            let [i, j] = link.ends;
-            comparable += link.weight;
-            if (*agreement < 0.0) != (flipped[i as usize] != flipped[j as usize]) {
-                conflicting += link.weight;
+        for links in links.chunks(BATCH) {
+            progress.checkpoint()?;
+            for (link, agreement) in
+                links.iter().map(|link| (link, agreement(link))).filter(|(_, a)| a.abs() > COMPARABLE)
+            {
+                let [i, j] = link.ends;
+                comparable += link.weight;
+                if (agreement < 0.0) != (flipped[i as usize] != flipped[j as usize]) {
+                    conflicting += link.weight;
+                }
             }
         }
         let conflicts = if comparable > 0.0 { conflicting / comparable } else { 0.0 };
-        Self { flipped, conflicts }
+        Ok(Self { flipped, conflicts })
     }
 
     /// `agreement` of the frames of two points as they are oriented.
@@ -65,35 +83,57 @@ impl Orientation {
     }
 }
 
+/// Two points or patches, and how strongly they are told to be on the same side, or negative, on different ones.
+type Vote = ([u32; 2], f64);
+
 /// Joins patches, each with the neighbor that it has the clearest vote with, until none are left to join.
-fn by_patches(n: usize, mut votes: Vec<([u32; 2], f64)>) -> Vec<bool> {
+fn by_patches(n: usize, links: &[Vote], progress: &Progress) -> Result<Vec<bool>, Canceled> {
     let mut patches = Patches::new(n);
-    while !votes.is_empty() {
-        let mut best: Vec<Option<usize>> = vec![None; n];
-        for (k, ([a, b], vote)) in votes.iter().enumerate() {
-            for patch in [*a, *b] {
-                let other = best[patch as usize].map_or(-1.0, |k| votes[k].1.abs());
-                if vote.abs() > other {
-                    best[patch as usize] = Some(k);
+    let mut joined: Option<Vec<Vote>> = None;
+    loop {
+        let votes = joined.as_deref().unwrap_or(links);
+        if votes.is_empty() {
+            break;
+        }
+        let mut best = vec![NONE; n];
+        for (batch, some) in votes.chunks(BATCH).enumerate() {
+            progress.checkpoint()?;
+            for (k, ([a, b], vote)) in some.iter().enumerate() {
+                for patch in [*a, *b] {
+                    let other = best[patch as usize];
+                    let other = if other == NONE { -1.0 } else { votes[other as usize].1.abs() };
+                    if vote.abs() > other {
+                        best[patch as usize] = (batch * BATCH + k) as u32;
+                    }
                 }
             }
         }
-        let mut chosen: Vec<usize> = best.into_iter().flatten().collect();
-        chosen.sort_unstable_by(|&a, &b| votes[b].1.abs().total_cmp(&votes[a].1.abs()).then(a.cmp(&b)));
+        best.retain(|&k| k != NONE);
+        let mut chosen = best;
+        let abs = |k: u32| votes[k as usize].1.abs();
+        chosen.par_sort_unstable_by(|&a, &b| abs(b).total_cmp(&abs(a)).then(a.cmp(&b)));
         chosen.dedup();
-        for &k in &chosen {
-            let ([a, b], vote) = votes[k];
-            patches.join(a, b, vote < 0.0);
+        for chosen in chosen.chunks(BATCH) {
+            progress.checkpoint()?;
+            for &k in chosen {
+                let ([a, b], vote) = votes[k as usize];
+                patches.join(a, b, vote < 0.0);
+            }
         }
-        let mut left: Vec<([u32; 2], f64)> = Vec::with_capacity(votes.len() / 2);
-        for &([a, b], vote) in &votes {
-            let ((a, flip_a), (b, flip_b)) = (patches.find(a), patches.find(b));
-            if a != b {
-                left.push(([a.min(b), a.max(b)], if flip_a == flip_b { vote } else { -vote }));
+        drop(chosen);
+        let mut left: Vec<Vote> = Vec::with_capacity(votes.len() / 2);
+        for some in votes.chunks(BATCH) {
+            progress.checkpoint()?;
+            for &([a, b], vote) in some {
+                let ((a, flip_a), (b, flip_b)) = (patches.find(a), patches.find(b));
+                if a != b {
+                    left.push(([a.min(b), a.max(b)], if flip_a == flip_b { vote } else { -vote }));
+                }
             }
         }
         // stable: sums do not depend on the sort
-        left.sort_by_key(|&(ends, _)| ends);
+        left.par_sort_by_key(|&(ends, _)| ends);
+        progress.checkpoint()?;
         left.dedup_by(|later, sum| {
             let same = later.0 == sum.0;
             if same {
@@ -101,34 +141,48 @@ fn by_patches(n: usize, mut votes: Vec<([u32; 2], f64)>) -> Vec<bool> {
             }
             same
         });
-        votes = left;
+        joined = Some(left);
     }
-    (0..n as u32).map(|i| patches.find(i).1).collect()
+    Ok((0..n as u32).map(|i| patches.find(i).1).collect())
 }
 
 /// Turns single points around that most of their links ask to turn.
-fn follow_majority(flipped: &mut [bool], votes: &[([u32; 2], f64)]) {
-    let mut offsets = vec![0_usize; flipped.len() + 1];
-    votes.iter().flat_map(|(ends, _)| ends).for_each(|&i| offsets[i as usize + 1] += 1);
-    (0..flipped.len()).for_each(|i| offsets[i + 1] += offsets[i]);
-    let mut around = vec![(0_u32, 0.0); 2 * votes.len()];
-    let mut next = offsets.clone();
-    for &([a, b], vote) in votes {
-        for (i, j) in [(a, b), (b, a)] {
-            around[next[i as usize]] = (j, vote);
-            next[i as usize] += 1;
-        }
-    }
-    for _ in 0..PASSES {
-        for i in 0..flipped.len() {
-            let signed =
-                |&(j, vote): &(u32, f64)| if flipped[i] == flipped[j as usize] { vote } else { -vote };
-            let sum: f64 = around[offsets[i]..offsets[i + 1]].iter().map(signed).sum();
-            if sum < 0.0 {
-                flipped[i] = !flipped[i];
+fn follow_majority(flipped: &mut [bool], votes: &[Vote], progress: &Progress) -> Result<(), Canceled> {
+    // where the votes of every point end, once they are entered
+    let mut ends = vec![0_u32; flipped.len() + 1];
+    votes.iter().flat_map(|(ends, _)| ends).for_each(|&i| ends[i as usize + 1] += 1);
+    (0..flipped.len()).for_each(|i| ends[i + 1] += ends[i]);
+    ends.pop();
+    let mut around = vec![0_u32; 2 * votes.len()];
+    for (batch, some) in votes.chunks(BATCH).enumerate() {
+        progress.checkpoint()?;
+        for (k, (points, _)) in some.iter().enumerate() {
+            for &i in points {
+                let end = &mut ends[i as usize];
+                around[*end as usize] = (batch * BATCH + k) as u32;
+                *end += 1;
             }
         }
     }
+    for _ in 0..PASSES {
+        let mut start = 0;
+        for i in 0..flipped.len() {
+            if i.is_multiple_of(BATCH) {
+                progress.checkpoint()?;
+            }
+            let signed = |&k: &u32| {
+                let ([a, b], vote) = votes[k as usize];
+                if flipped[a as usize] == flipped[b as usize] { vote } else { -vote }
+            };
+            let end = ends[i] as usize;
+            let sum: f64 = around[start..end].iter().map(signed).sum();
+            if sum < 0.0 {
+                flipped[i] = !flipped[i];
+            }
+            start = end;
+        }
+    }
+    Ok(())
 }
 
 /// Union-find whose members know on which of two sides they are relative to their root.
@@ -188,8 +242,8 @@ mod tests {
         }
         votes.push(([20, 70], -0.99 * sign(20) * sign(70)));
         votes.sort_by_key(|vote| vote.0);
-        let mut flipped = by_patches(n as usize, votes.clone());
-        follow_majority(&mut flipped, &votes);
+        let mut flipped = by_patches(n as usize, &votes, &Progress::new()).unwrap();
+        follow_majority(&mut flipped, &votes, &Progress::new()).unwrap();
         let against = |([i, j], vote): &&([u32; 2], f64)| {
             (*vote < 0.0) != (flipped[*i as usize] != flipped[*j as usize])
         };

@@ -1,5 +1,7 @@
 //! The points that an analysis computes on, and their way back to the rows of the upload.
 
+use std::convert::Infallible;
+
 use rayon::prelude::*;
 
 use crate::cloud::PointCloud;
@@ -73,6 +75,9 @@ fn flat(spanned: usize) -> &'static str {
 /// Least number of distinct points: a tangent plane and one more.
 pub const POINTS_MIN: usize = 5;
 
+/// Rows handled between two looks at whether to go on.
+const BATCH: usize = 1 << 18;
+
 /// Extents whose squares double precision holds with room to spare.
 pub(super) const EXTENTS: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
 
@@ -96,6 +101,14 @@ impl Points {
     /// repetitions of a position are merged.
     #[must_use]
     pub fn distinct(cloud: &PointCloud) -> Self {
+        match Self::ordered(cloud, || Ok::<(), Infallible>(())) {
+            Ok(points) => points,
+            Err(never) => match never {},
+        }
+    }
+
+    /// The same; `check` is asked between its steps whether they go on.
+    pub(super) fn ordered<E>(cloud: &PointCloud, check: impl Fn() -> Result<(), E>) -> Result<Self, E> {
         let d = cloud.dimension();
         let (low, high) = cloud.bounding_box().unwrap_or_else(|| (vec![0.0; d], vec![0.0; d]));
         let extent = longest(&low, &high);
@@ -113,6 +126,7 @@ impl Points {
             .filter(|&row| cloud.point(row).iter().all(|x| x.is_finite()))
             .map(|row| (morton_key((0..d).map(|axis| centered(row, axis)), extent, d), row as u32))
             .collect();
+        check()?;
         let position = |row: u32| (0..d).map(move |axis| centered(row as usize, axis));
         order.par_sort_unstable_by(|&(key_a, a), &(key_b, b)| {
             key_a
@@ -125,10 +139,14 @@ impl Points {
                 .then(a.cmp(&b))
         });
 
+        check()?;
         let mut coordinates = Vec::with_capacity(order.len() * d);
         let mut point_of_row = vec![NO_POINT; rows];
         let mut row_of_point: Vec<u32> = Vec::with_capacity(order.len());
-        for &(_, row) in &order {
+        for (k, &(_, row)) in order.iter().enumerate() {
+            if k.is_multiple_of(BATCH) {
+                check()?;
+            }
             let repeated = row_of_point.last().is_some_and(|&previous| position(previous).eq(position(row)));
             if !repeated {
                 row_of_point.push(row);
@@ -137,7 +155,7 @@ impl Points {
             point_of_row[row as usize] = row_of_point.len() as u32 - 1;
         }
         let duplicates = order.len() - row_of_point.len();
-        Self { dimension: d, coordinates, unit: 1.0, point_of_row, row_of_point, duplicates }
+        Ok(Self { dimension: d, coordinates, unit: 1.0, point_of_row, row_of_point, duplicates })
     }
 
     /// For every row of a cloud the first row at its position: those that [`Self::distinct`] merges are one position, and no

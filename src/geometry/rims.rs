@@ -137,11 +137,12 @@ fn spacing(cells: &Cells, stars: &Stars, point: u32) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::stars::tests::{jitter, stars_of};
+    use crate::progress::Progress;
 
     /// Area of the cells, and what the strips add to it.
     fn areas(rows: &[[f64; 3]]) -> [f64; 2] {
         let (points, _, stars) = stars_of(rows);
-        let mut cells = stars.cells(&points);
+        let mut cells = stars.cells(&points, &Progress::new()).unwrap();
         let before: f64 = cells.volume.iter().sum();
         let added = cells.extend_rims(&points, &stars);
         let after: f64 = cells.volume.iter().sum();

@@ -1,10 +1,12 @@
 //! How densely and how evenly the surface is sampled.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cells::{CellKind, Cells};
 use super::neighborhoods::NearestNeighbors;
 use super::points::Points;
+use crate::progress::{Canceled, Progress};
 
 /// Measures of the sampling, in the cloud's unit of length.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -51,8 +53,16 @@ impl Sampling {
     }
 
     /// Takes the measures; the paper gives no estimator of ε, the quantile is ours.
-    #[must_use]
-    pub fn measure(points: &Points, nearest: &NearestNeighbors, intrinsic: usize, cells: &Cells) -> Self {
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn measure(
+        points: &Points,
+        nearest: &NearestNeighbors,
+        intrinsic: usize,
+        cells: &Cells,
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
         let valid = |i: &usize| cells.kind[*i] != CellKind::Invalid;
         let closed = |i: &usize| cells.kind[*i] == CellKind::Closed;
         let n = points.len();
@@ -60,21 +70,28 @@ impl Sampling {
         if radii.is_empty() {
             radii = (0..n).filter(valid).map(|i| cells.radius[i]).collect();
         }
+        let radius = quantile(&mut radii, 0.99);
+        drop(radii);
+        progress.checkpoint()?;
         let mut areas: Vec<f64> = (0..n).filter(valid).map(|i| cells.volume[i]).collect();
+        let (sparse, dense) = (quantile(&mut areas, 0.99), quantile(&mut areas, 0.01));
+        drop(areas);
+        progress.checkpoint()?;
         let squared_nearest = |i: usize| points.squared_distance(i, nearest.of(i)[0] as usize);
-        let zeta = (0..n).map(squared_nearest).fold(f64::INFINITY, f64::min).sqrt();
+        let least = (0..n).into_par_iter().with_min_len(1 << 12).map(squared_nearest);
+        let zeta = least.reduce(|| f64::INFINITY, f64::min).sqrt();
         let area: f64 = cells.volume.iter().sum();
         let spacing = (area / n as f64).powf(1.0 / intrinsic as f64);
-        let (sparse, dense) = (quantile(&mut areas, 0.99), quantile(&mut areas, 0.01));
-        Self {
-            epsilon: quantile(&mut radii, 0.99).unwrap_or(spacing),
+        progress.checkpoint()?;
+        Ok(Self {
+            epsilon: radius.unwrap_or(spacing),
             zeta,
             spacing,
             density_ratio: sparse.zip(dense).map_or(1.0, |(sparse, dense)| sparse / dense),
             area,
             rim_cells: cells.count(CellKind::Rim),
             invalid_cells: cells.count(CellKind::Invalid),
-        }
+        })
     }
 }
 

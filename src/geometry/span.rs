@@ -2,6 +2,7 @@
 
 use super::points::{EXTENTS, GeometryError, NO_POINT, POINTS_MIN, Points, longest};
 use crate::cloud::PointCloud;
+use crate::progress::Progress;
 
 /// What decides whether an analysis can begin with a cloud's points.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -60,8 +61,22 @@ impl Points {
     /// # Errors
     /// As [`Span::check`].
     pub fn prepare(cloud: &PointCloud, intrinsic: usize) -> Result<Self, GeometryError> {
-        let points = Self::distinct(cloud);
+        Self::prepare_by(cloud, intrinsic, &Progress::new())
+    }
+
+    /// The same, as long as nobody cancels it.
+    ///
+    /// # Errors
+    /// As [`Span::check`], and [`GeometryError::Canceled`].
+    pub fn prepare_by(
+        cloud: &PointCloud,
+        intrinsic: usize,
+        progress: &Progress,
+    ) -> Result<Self, GeometryError> {
+        let points = Self::ordered(cloud, || progress.checkpoint())?;
+        progress.checkpoint()?;
         Span::of(cloud, &points, intrinsic).check(intrinsic)?;
+        progress.checkpoint()?;
         Ok(points)
     }
 }

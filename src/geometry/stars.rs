@@ -138,28 +138,37 @@ impl Stars {
     }
 
     /// Every link of two points with its weight: one twentieth, and 1 for each triangle on it that all three corners see.
-    #[must_use]
-    pub fn links(&self) -> Vec<Link> {
-        let mut links: Vec<Link> = (0..self.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .flat_map_iter(|i| {
-                let count = self.of(i).len();
-                let agreed = move |k: usize| self.of(i)[k].filled && self.is_agreed(i, k);
-                (0..count).filter_map(move |k| {
-                    let q = self.of(i)[k].neighbor;
-                    let both = usize::from(agreed(k)) + usize::from(agreed((k + count - 1) % count));
-                    // the other end names the link where it sees it too
-                    let named = (i as u32) < q || !self.sees(q as usize, i as u32);
-                    named.then(|| Link {
-                        ends: [q.min(i as u32), q.max(i as u32)],
-                        weight: LINK_WEIGHT_MIN + both as f64,
-                    })
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn links(&self, progress: &Progress) -> Result<Vec<Link>, GeometryError> {
+        let of_point = |i: usize| {
+            let count = self.of(i).len();
+            let agreed = move |k: usize| self.of(i)[k].filled && self.is_agreed(i, k);
+            (0..count).filter_map(move |k| {
+                let q = self.of(i)[k].neighbor;
+                let both = usize::from(agreed(k)) + usize::from(agreed((k + count - 1) % count));
+                // the other end names the link where it sees it too
+                let named = (i as u32) < q || !self.sees(q as usize, i as u32);
+                named.then(|| Link {
+                    ends: [q.min(i as u32), q.max(i as u32)],
+                    weight: LINK_WEIGHT_MIN + both as f64,
                 })
             })
-            .collect();
+        };
+        // by Euler's formula about three a point
+        let mut links: Vec<Link> = Vec::with_capacity(self.spokes.len() / 2);
+        for start in (0..self.len()).step_by(BATCH) {
+            progress.checkpoint()?;
+            let batch: Vec<Link> = (start..self.len().min(start + BATCH))
+                .into_par_iter()
+                .with_min_len(256)
+                .flat_map_iter(of_point)
+                .collect();
+            links.extend(batch);
+        }
         links.par_sort_unstable_by_key(|link| link.ends);
-        links
+        Ok(links)
     }
 
     fn sees(&self, i: usize, q: u32) -> bool {
@@ -244,30 +253,55 @@ impl Stars {
 
     /// Drops the spokes that no triangle touches.
     pub(super) fn trim(&mut self) {
-        let all: Vec<Vec<Spoke>> = (0..self.len())
-            .map(|i| {
-                let star = self.of(i);
-                let before = |k: usize| star[(k + star.len() - 1) % star.len()].filled;
-                (0..star.len()).filter(|&k| star[k].filled || before(k)).map(|k| star[k]).collect()
-            })
-            .collect();
-        *self = Self::from_spokes(&all);
+        let (mut from, mut to) = (0, 0);
+        let mut star: Vec<Spoke> = Vec::new();
+        for i in 0..self.len() {
+            let end = self.offsets[i + 1];
+            star.clear();
+            star.extend_from_slice(&self.spokes[from..end]);
+            let before = |k: usize| star[(k + star.len() - 1) % star.len()].filled;
+            for k in (0..star.len()).filter(|&k| star[k].filled || before(k)) {
+                self.spokes[to] = star[k];
+                to += 1;
+            }
+            self.offsets[i + 1] = to;
+            from = end;
+        }
+        self.spokes.truncate(to);
     }
 
     /// A third of the area of all triangles of all stars: the area of the surface where corners agree.
-    #[must_use]
-    pub fn area(&self, points: &Points) -> f64 {
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn area(&self, points: &Points, progress: &Progress) -> Result<f64, GeometryError> {
         let of_star = |i: usize| -> f64 {
             self.triangles(i).map(|corners| TriangleMetric::of(points, corners).area()).sum()
         };
-        (0..self.len()).map(of_star).sum::<f64>() / 3.0
+        let mut sum = 0.0;
+        for start in (0..self.len()).step_by(BATCH) {
+            progress.checkpoint()?;
+            let stars = start..self.len().min(start + BATCH);
+            let areas: Vec<f64> = stars.into_par_iter().with_min_len(256).map(of_star).collect();
+            // one after the other, whatever the batches and threads
+            areas.into_iter().for_each(|area| sum += area);
+        }
+        Ok(sum / 3.0)
     }
 
     /// Voronoi cells made of the triangles: areas between circumcenters (mixed areas around an open star), and half
     /// the sum of the cotangents that face a spoke as its conductance.
-    #[must_use]
-    pub fn cells(&self, points: &Points) -> Cells {
-        gather((0..self.len()).into_par_iter().with_min_len(256).map(|i| self.cell(points, i)).collect())
+    ///
+    /// # Errors
+    /// [`GeometryError::Canceled`].
+    pub fn cells(&self, points: &Points, progress: &Progress) -> Result<Cells, GeometryError> {
+        let mut all = Vec::with_capacity(self.len());
+        for start in (0..self.len()).step_by(BATCH) {
+            progress.checkpoint()?;
+            let stars = start..self.len().min(start + BATCH);
+            all.par_extend(stars.into_par_iter().with_min_len(256).map(|i| self.cell(points, i)));
+        }
+        Ok(gather(all))
     }
 
     fn cell(&self, points: &Points, i: usize) -> Cell {
@@ -356,7 +390,7 @@ pub(crate) mod tests {
     fn the_cells_of_a_cube_sampled_irregularly_cover_its_six_faces() {
         for (share, open) in [(0.0, 0), (0.5, 6)] {
             let (points, _, stars) = stars_of(&cube(10, share));
-            let cells = stars.cells(&points);
+            let cells = stars.cells(&points, &Progress::new()).unwrap();
             assert!(cells.count(CellKind::Rim) <= open && cells.count(CellKind::Invalid) == 0, "{share}");
             let area: f64 = cells.volume.iter().sum();
             assert!((area / 600.0 - 1.0).abs() < 0.005, "{share}: {area}");
@@ -367,7 +401,7 @@ pub(crate) mod tests {
     fn on_a_lattice_cells_are_squares_and_end_at_the_rim() {
         let rows: Vec<[f64; 3]> = (0..64).map(|i| [f64::from(i % 8), f64::from(i / 8), 0.0]).collect();
         let (points, _, stars) = stars_of(&rows);
-        let cells = stars.cells(&points);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
         for (row, [x, y, _]) in rows.iter().enumerate() {
             let i = points.of_row(row).unwrap();
             let ends = [x, y].into_iter().filter(|&&at| at == 0.0 || at == 7.0).count();

@@ -97,6 +97,13 @@ pub struct Surveyed {
     pub stars: Stars,
     /// Sides of the planes.
     pub orientation: Orientation,
+    /// What the triangles tell of the sampling.
+    pub traits: Traits,
+}
+
+/// What triangles tell of the sampling of their surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Traits {
     /// Share of the triangles' area that was taken out as gaps.
     pub opened: f64,
     /// Median ratio of the principal lengths of the stars: 1 where points are as far apart in all directions.
@@ -142,16 +149,17 @@ impl Survey<'_> {
         // sides are told by the triangles; what a point sees is better left to the plane that found them
         let mut sides = frames.clone();
         let _ = sides.turn_to_stars(points, &stars, 0.0, progress)?;
-        let orientation = Orientation::find(&sides, points.len(), &stars.links());
-        progress.checkpoint()?;
+        let orientation = Orientation::find(&sides, points.len(), &stars.links(progress)?, progress)?;
         if sheet_aware && rules.part_sheets && orientation.conflicts < CONFLICTS_MAX {
             stars = self.parted(&stars, &frames, (&orientation, &sides), &tells_layers, progress)?;
         }
-        let whole = stars.area(points);
-        let stars = stars.with_open_gaps(points, nearest, rules.verify_gaps);
-        let opened = if whole > 0.0 { 1.0 - stars.area(points) / whole } else { 0.0 };
-        let stretch = stretch(points, &frames, &stars);
-        Ok(Surveyed { frames, stars, orientation, opened, stretch })
+        drop((sides, tells_layers));
+        let whole = stars.area(points, progress)?;
+        let stars = stars.with_open_gaps(points, nearest, rules.verify_gaps, progress)?;
+        let left = stars.area(points, progress)?;
+        let opened = if whole > 0.0 { 1.0 - left / whole } else { 0.0 };
+        let stretch = stretch(points, &frames, &stars, progress)?;
+        Ok(Surveyed { frames, stars, orientation, traits: Traits { opened, stretch } })
     }
 
     pub(super) fn steepness(&self, frames: &Frames, i: usize, q: u32) -> f64 {
@@ -195,8 +203,10 @@ impl Survey<'_> {
     ) -> Result<Stars, GeometryError> {
         let Self { points, tree, nearest, .. } = *self;
         let faces_away = |i: usize, q: u32| orientation.agreement(planes, i, q as usize) < FACING_MIN;
-        let mixed: Vec<bool> =
-            (0..stars.len()).map(|i| stars.of(i).iter().any(|spoke| faces_away(i, spoke.neighbor))).collect();
+        let is_mixed = |i: usize| {
+            !progress.is_canceled() && stars.of(i).iter().any(|spoke| faces_away(i, spoke.neighbor))
+        };
+        let mixed: Vec<bool> = (0..stars.len()).into_par_iter().with_min_len(256).map(is_mixed).collect();
         let surrounds = |i: usize, star: &[Spoke]| {
             let allowed = GAP_ANGLE_MAX.max(widest_gap(points, frames, i, stars.of(i)));
             widest_gap(points, frames, i, star) <= allowed
@@ -224,10 +234,20 @@ fn widest_gap(points: &Points, frames: &Frames, i: usize, star: &[Spoke]) -> f64
 }
 
 /// Median ratio of the principal lengths of the offsets around every point.
-fn stretch(points: &Points, frames: &Frames, stars: &Stars) -> f64 {
+fn stretch(
+    points: &Points,
+    frames: &Frames,
+    stars: &Stars,
+    progress: &Progress,
+) -> Result<f64, GeometryError> {
     let mut ratios: Vec<f64> = (0..stars.len())
+        .into_par_iter()
+        .with_min_len(256)
         .filter(|&i| stars.of(i).iter().all(|spoke| spoke.filled) && !stars.of(i).is_empty())
         .filter_map(|i| {
+            if progress.is_canceled() {
+                return None;
+            }
             let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
             for spoke in stars.of(i) {
                 let [x, y] = frames.project::<2>(points, i, spoke.neighbor as usize);
@@ -239,9 +259,10 @@ fn stretch(points: &Points, frames: &Frames, stars: &Stars) -> f64 {
             (mean > spread).then(|| ((mean + spread) / (mean - spread)).sqrt())
         })
         .collect();
+    progress.checkpoint()?;
     if ratios.is_empty() {
-        return 1.0;
+        return Ok(1.0);
     }
     let middle = ratios.len() / 2;
-    *ratios.select_nth_unstable_by(middle, f64::total_cmp).1
+    Ok(*ratios.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -277,7 +277,7 @@ mod tests {
 
     fn bandwidth(rows: &[[f64; 3]]) -> (Bandwidth, Vec<f64>) {
         let (points, _, stars) = stars_of(rows);
-        let cells = stars.cells(&points);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
         let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, f64::MAX);
         let kernel = HeatKernel { t: 1.0, delta: 1.0, truncation_compensation: false, dimension: 2 };
@@ -332,7 +332,7 @@ mod tests {
             })
             .collect();
         let (points, _, stars) = stars_of(&rows);
-        let cells = stars.cells(&points);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
         let longest = |epsilon_max: f64| {
             let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, epsilon_max);
@@ -347,7 +347,7 @@ mod tests {
     fn a_cell_that_could_not_be_measured_has_a_time_too() {
         let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
         let (points, _, stars) = stars_of(&rows);
-        let mut cells = stars.cells(&points);
+        let mut cells = stars.cells(&points, &Progress::new()).unwrap();
         let walls = Sparse::from_rows(
             rows.len(),
             || (),

@@ -52,6 +52,12 @@ impl OperatorKind {
         matches!(self, Self::Graph | Self::Kirchhoff | Self::Tutte)
     }
 
+    /// Whether it is made of cells or triangles alone: rows of about seven entries.
+    #[must_use]
+    pub const fn is_narrow(self) -> bool {
+        matches!(self, Self::Voronoi | Self::Cotangent)
+    }
+
     /// Whether it triangulates every point's neighborhood by itself.
     #[must_use]
     pub const fn is_pcd(self) -> bool {

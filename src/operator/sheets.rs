@@ -3,6 +3,7 @@
 use crate::geometry::orientation::{Link, Orientation};
 use crate::geometry::{Frames, Points};
 use crate::operator::Sparse;
+use crate::progress::{Canceled, Progress};
 
 /// Tangent frames of one handedness, as far as the surface allows it.
 ///
@@ -28,14 +29,16 @@ const UNORIENTED_MIN: f64 = 0.5;
 
 impl Sheets {
     /// Orients frames along common cell walls.
-    #[must_use]
-    pub fn orient(frames: Frames, walls: &Sparse) -> Self {
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn orient(frames: Frames, walls: &Sparse, progress: &Progress) -> Result<Self, Canceled> {
         let links: Vec<Link> = (0..walls.rows() as u32)
             .flat_map(|i| walls.neighbors(i as usize).filter(move |&j| i < j).map(move |j| [i, j]))
             .map(|ends| Link { ends, weight: 1.0 })
             .collect();
-        let orientation = Orientation::find(&frames, walls.rows(), &links);
-        Self::oriented(frames, orientation)
+        let orientation = Orientation::find(&frames, walls.rows(), &links, progress)?;
+        Ok(Self::oriented(frames, orientation))
     }
 
     /// Frames whose orientation is known.

@@ -79,6 +79,13 @@ impl Sparse {
                     },
                 )
                 .collect();
+            if start == 0 {
+                // the other rows are expected to be as long: doubling would take twice the room for a moment
+                let entries: usize = tasks.iter().map(|(_, columns, _)| columns.len()).sum();
+                let expected = (entries as f64 * 1.02 * n as f64 / end as f64) as usize;
+                matrix.columns.reserve_exact(expected);
+                matrix.values.reserve_exact(expected);
+            }
             for (lengths, columns, values) in tasks {
                 let mut last = matrix.columns.len();
                 matrix.offsets.extend(lengths.iter().map(|length| {

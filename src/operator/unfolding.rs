@@ -303,9 +303,9 @@ mod tests {
     /// All distances up to `radius` between rows, NaN where there is none.
     fn distances(rows: &[[f64; 3]], radius: f64) -> impl Fn(usize, usize) -> f64 {
         let (points, frames, stars) = stars_of(rows);
-        let cells = stars.cells(&points);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
-        let sheets = Sheets::orient(frames, &walls);
+        let sheets = Sheets::orient(frames, &walls, &Progress::new()).unwrap();
         let squared =
             Atlas::new(&points, &stars, &sheets).squared_distances(|_| radius, &Progress::new()).unwrap();
         move |a, b| {

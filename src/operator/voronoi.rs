@@ -3,6 +3,8 @@
 //! `w_pq = |facet_pq| / |p − q|`, on a surface 6 to 7 nonzeros a row. It converges weakly (spectra), not pointwise, and serves the
 //! kernel operators as preconditioner and start.
 
+use rayon::prelude::*;
+
 use super::Sparse;
 use crate::geometry::Cells;
 use crate::progress::{Canceled, Progress};
@@ -13,16 +15,18 @@ use crate::progress::{Canceled, Progress};
 /// [`Canceled`].
 pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<Sparse, Canceled> {
     let n = cells.volume.len();
-    // walls that only the neighbor sees
-    let mut unseen: Vec<Vec<(u32, f64)>> = vec![Vec::new(); n];
-    for (p, walls) in cells.conductance.iter().enumerate() {
-        for &(q, w) in walls {
-            let back = &cells.conductance[q as usize];
-            if back.binary_search_by_key(&(p as u32), |&(r, _)| r).is_err() {
-                unseen[q as usize].push((p as u32, w));
-            }
-        }
-    }
+    // walls that only the neighbor sees: few, by point and neighbor
+    let one_sided = |p: usize| {
+        let walls = if progress.is_canceled() { &[][..] } else { &cells.conductance[p] };
+        let is_seen_back = move |q: u32| {
+            cells.conductance[q as usize].binary_search_by_key(&(p as u32), |&(r, _)| r).is_ok()
+        };
+        walls.iter().filter(move |(q, _)| !is_seen_back(*q)).map(move |&(q, w)| (q, p as u32, w))
+    };
+    let mut unseen: Vec<(u32, u32, f64)> =
+        (0..n).into_par_iter().with_min_len(1 << 12).flat_map_iter(one_sided).collect();
+    unseen.par_sort_unstable_by_key(|&(q, p, _)| (q, p));
+    progress.checkpoint()?;
     Sparse::stiffness(
         n,
         || (),
@@ -33,7 +37,9 @@ pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<Sparse, Canceled>
                     back.binary_search_by_key(&(p as u32), |&(r, _)| r).map_or(0.0, |k| back[k].1);
                 row.push((q, 0.5 * (w + seen_back)));
             }
-            row.extend(unseen[p].iter().map(|&(q, w)| (q, 0.5 * w)));
+            let first = unseen.partition_point(|&(q, ..)| (q as usize) < p);
+            let own = unseen[first..].iter().take_while(|&&(q, ..)| q as usize == p);
+            row.extend(own.map(|&(_, q, w)| (q, 0.5 * w)));
             // an obtuse triangle at a rim, or views that disagree, leave a negative wall, which would cost the operator
             // its definiteness
             row.retain(|&(_, w)| w > 0.0);

@@ -3,7 +3,8 @@
 use faer::Mat;
 use serde::{Deserialize, Serialize};
 
-use super::vectors::pair::residuals_and_gram;
+use super::vectors::block::Block;
+use super::vectors::pair::{own_gram, residual_norms, residuals_and_gram};
 use super::{Eigenpairs, Problem};
 use crate::progress::{Canceled, Progress};
 
@@ -92,6 +93,24 @@ pub fn measure(problem: &Problem, pairs: &Eigenpairs, progress: &Progress) -> Re
         residuals: relative.collect(),
         orthogonality: (gram - Mat::<f64>::identity(columns, columns)).norm_max(),
     })
+}
+
+/// The residuals alone, of pairs whose eigenvalues are real.
+///
+/// # Errors
+/// [`Canceled`].
+pub fn residuals(problem: &Problem, pairs: &Eigenpairs, progress: &Progress) -> Result<Vec<f64>, Canceled> {
+    let norms = residual_norms(&problem.matrix, &pairs.vectors, &pairs.values, progress)?;
+    Ok(norms.iter().zip(&pairs.values).map(|(norm, value)| norm / (value + problem.shift)).collect())
+}
+
+/// `max |YᵀY − I|`.
+///
+/// # Errors
+/// [`Canceled`].
+pub fn orthogonality(vectors: &Block, progress: &Progress) -> Result<f64, Canceled> {
+    let columns = vectors.columns();
+    Ok((own_gram(vectors, progress)? - Mat::<f64>::identity(columns, columns)).norm_max())
 }
 
 /// Ranges `[first, last]` of consecutive values closer than 10⁻⁶, relative to value plus `shift`.

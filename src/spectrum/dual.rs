@@ -19,7 +19,15 @@ const STEPS_MAX: usize = 6;
 const LEFT_MAX: f64 = 0.4;
 const NEGLIGIBLE: f64 = 2e-5;
 
-/// Bounds of ρ for orthonormal vectors of these values, in double precision.
+/// What residuals tell.
+pub(super) struct Judged {
+    /// Their 2-norms.
+    pub(super) norms: Vec<f64>,
+    /// Bounds of ρ.
+    pub(super) bounds: Vec<f64>,
+}
+
+/// Residuals of orthonormal vectors of these values, in double precision, and bounds of ρ.
 ///
 /// # Errors
 /// [`Canceled`].
@@ -29,20 +37,24 @@ pub(super) fn bounds(
     vectors: &Block,
     mut inverse: Option<&mut dyn NearInverse>,
     progress: &Progress,
-) -> Result<Vec<f64>, Canceled> {
+) -> Result<Judged, Canceled> {
     let system = System::new(problem);
     let columns = width(problem.size()).min(values.len());
     let mut room = Room::new(problem.size(), columns);
+    let mut norms = Vec::with_capacity(values.len());
     let mut found = Vec::with_capacity(values.len());
     for first in (0..values.len()).step_by(columns) {
         let some = &values[first..values.len().min(first + columns)];
         progress.advance(first as f64 / values.len() as f64)?;
-        rounded_residual(&mut room.residual, &problem.matrix, vectors.columns_from(first, some.len()), some);
+        let x = vectors.columns_from(first, some.len());
+        let squares = rounded_residual(&mut room.residual, &problem.matrix, x, some);
+        norms.extend(squares.into_iter().map(f64::sqrt));
+        progress.checkpoint()?;
         // lent to every group anew
         let inverse = inverse.as_mut().map(|inverse| &mut **inverse as &mut dyn NearInverse);
         found.extend(bounds_of_group(&system, some, inverse, &mut room, progress)?);
     }
-    Ok(found)
+    Ok(Judged { norms, bounds: found })
 }
 
 /// The same of the residuals in `room`; without an `inverse` `‖r‖²/σ` alone.
@@ -132,14 +144,14 @@ mod tests {
             for smoothed in [false, true] {
                 let mut inverse = ByFactor::new(&factor, smoothed);
                 let found =
-                    bounds(&problem, &values, &vectors, Some(&mut inverse), &Progress::new()).unwrap();
+                    bounds(&problem, &values, &vectors, Some(&mut inverse), &Progress::new()).unwrap().bounds;
                 for (bound, exact) in found.iter().zip([rough.2, smooth.2]) {
                     assert!((0.9999 * exact..1.3 * exact).contains(bound), "{shift}: {bound} {exact}");
                 }
             }
         }
         // nothing but the 2-norm is known
-        let found = bounds(&problem, &values, &vectors, None, &Progress::new()).unwrap();
+        let found = bounds(&problem, &values, &vectors, None, &Progress::new()).unwrap().bounds;
         let pairs = Eigenpairs::real(values.to_vec(), vectors);
         let residuals = measure(&problem, &pairs, &Progress::new()).unwrap().residuals;
         for ((bound, residual), mu) in found.iter().zip(residuals).zip(values) {

@@ -6,13 +6,13 @@ use rayon::prelude::*;
 use super::Problem;
 use super::factor::Cholesky;
 use super::vectors::block::Block;
-use super::vectors::single::added;
+use super::vectors::pair::added;
 use super::vectors::sparse_product::{Finish, Rows, finished_product};
 use crate::progress::{Canceled, Progress};
 
-/// Vectors of a group at most and at least, and numbers of one about which it may have.
-const WIDTHS: [usize; 2] = [16, 32];
-const NUMBERS: usize = 32 << 20;
+/// Vectors of a group, and the points up to which there are so many: the more points, the less room there is for them.
+const WIDTHS: [(usize, usize); 2] = [(32, 1 << 20), (16, 6 << 20)];
+const WIDTH_MIN: usize = 8;
 
 /// Vectors of a group of right sides that are held for each of these.
 pub const HELD: usize = 4;
@@ -28,7 +28,7 @@ const PARTIAL_SUMS: usize = 16;
 /// Right sides that are worked on together.
 #[must_use]
 pub fn width(points: usize) -> usize {
-    (NUMBERS / points.max(1) / 16 * 16).clamp(WIDTHS[0], WIDTHS[1])
+    WIDTHS.iter().find(|(_, most)| points <= *most).map_or(WIDTH_MIN, |&(width, _)| width)
 }
 
 /// `A + σI` of a problem in single precision, with what relaxes it.

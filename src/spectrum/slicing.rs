@@ -84,7 +84,7 @@ pub fn solve<'a>(
     }
     pairs.truncate(count);
     // slices that overlap because one of them missed a pair leave a vector that is none
-    let converged = certificates::measure(problem, &pairs, progress)?.residual() <= tolerance;
+    let converged = certificates::residuals(problem, &pairs, progress)?.iter().all(|r| *r <= tolerance);
     Ok(last.filter(|_| converged).map(|factor| (pairs, factor)))
 }
 

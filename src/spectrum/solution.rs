@@ -175,12 +175,14 @@ pub(super) fn certified<P>(
     inverse: Option<&mut dyn NearInverse>,
     progress: &Progress,
 ) -> Result<Solution, SpectrumError> {
-    let measured = certificates::measure(problem, &pairs, progress)?;
-    let dual = match problem.structure {
+    let (measured, dual) = match problem.structure {
         Structure::SemiDefinite => {
-            Some(dual::bounds(problem, &pairs.values, &pairs.vectors, inverse, progress)?)
+            let judged = dual::bounds(problem, &pairs.values, &pairs.vectors, inverse, progress)?;
+            let relative = judged.norms.iter().zip(&pairs.values).map(|(r, mu)| r / (mu + problem.shift));
+            let orthogonality = certificates::orthogonality(&pairs.vectors, progress)?;
+            (Measured { residuals: relative.collect(), orthogonality }, Some(judged.bounds))
         }
-        _ => None,
+        _ => (certificates::measure(problem, &pairs, progress)?, None),
     };
     Ok(certified_by(problem, pairs, (measured, dual), request, method, missed))
 }

@@ -102,7 +102,7 @@ impl<'a> Correction<'a> {
         values: &[f64],
         progress: &Progress,
     ) -> Result<(), Canceled> {
-        finished_product(x, weights.rows(), coarse, Finish::Product);
+        finished_product(x, weights, coarse, Finish::Product);
         progress.checkpoint()?;
         self.factor.solve_single(x, &mut self.buffer, progress)?;
         let scale: Vec<f32> = values.iter().map(|value| (value + self.shift()) as f32).collect();

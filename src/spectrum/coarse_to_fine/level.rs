@@ -1,5 +1,7 @@
 //! A coarse level: points, operator, and weights at the finer level's points.
 
+use rayon::prelude::*;
+
 use super::roots::Roots;
 use super::weights::Weights;
 use crate::cloud::{NonFinite, PointCloud};
@@ -47,16 +49,16 @@ pub(super) fn coarser<'a>(
         return Ok(None);
     }
     let label = |i: usize| components.label[i] as usize;
-    let roots = Roots::of(graph, |i| components.size[label(i)] < THINNED_MIN);
-    progress.checkpoint()?;
-    let count = roots.points.len();
+    let Roots { points: roots, mut owner } =
+        Roots::of(graph, |i| components.size[label(i)] < THINNED_MIN, progress)?;
+    let count = roots.len();
     let mut coarse = Pieces::with_room(count);
     let mut place = vec![0_u32; count];
     let mut positions = vec![[0.0; 3]; count];
     // surfaces that come near each other are triangulated apart
     for component in 0..components.size.len() {
-        let own: Vec<usize> = (0..count).filter(|&r| label(roots.points[r] as usize) == component).collect();
-        let at = |&r: &usize| position(roots.points[r]);
+        let own: Vec<usize> = (0..count).filter(|&r| label(roots[r] as usize) == component).collect();
+        let at = |&r: &usize| position(roots[r]);
         let Some(points) = points_at(own.iter().flat_map(at).copied().collect()) else { return Ok(None) };
         for (row, root) in own.iter().enumerate() {
             let Some(point) = points.of_row(row) else { return Ok(None) };
@@ -77,10 +79,10 @@ pub(super) fn coarser<'a>(
         return Ok(None);
     }
     progress.checkpoint()?;
+    owner.par_iter_mut().with_min_len(1 << 14).for_each(|owner| *owner = place[*owner as usize]);
     let weights = Weights::fit(
-        problem.size(),
         |i| position(i as u32),
-        |i| place[roots.owner[i] as usize] as usize,
+        owner,
         &positions,
         &planes,
         &coarse.matrix,
@@ -93,7 +95,7 @@ pub(super) fn coarser<'a>(
     let mut known = vec![false; coarse.zero_modes()];
     let mut apart = Vec::new();
     for r in 0..count {
-        let whole = label(roots.points[r] as usize);
+        let whole = label(roots[r] as usize);
         if !std::mem::replace(&mut known[part_of(r)], true) && std::mem::replace(&mut begun[whole], true) {
             apart.push(part_of(r));
         }
@@ -136,7 +138,7 @@ impl Pieces {
         let frames = frames(points, &nearest, 2, progress)?;
         let survey = Survey { points, tree: &tree, nearest: &nearest, rules: Rules::default() };
         let surveyed = survey.triangulate(frames, true, progress)?;
-        let cells = surveyed.stars.cells(points);
+        let cells = surveyed.stars.cells(points, progress)?;
         let walls = voronoi::stiffness(&cells, progress)?;
         let from = self.mass.len() as u32;
         for i in 0..points.len() {
@@ -157,6 +159,7 @@ impl Pieces {
 mod tests {
     use super::*;
     use crate::cloud::shapes::{SampleRequest, Shape, sample};
+    use crate::spectrum::vectors::sparse_product::Matrix;
 
     #[test]
     fn a_spheres_coarse_level_is_the_sphere_and_a_second_one_stays_apart() {
@@ -194,15 +197,14 @@ mod tests {
         assert!((area(coarse) / area(&fine) - 1.0).abs() < 0.01);
         // x y on each sphere is an eigenfunction: what the weights make of it is nearly what it is there
         let function = |at: &[f64; 3]| (at[0].abs() - 1.01) * at[1];
-        let rows = level.weights.rows();
         for (i, at) in positions.iter().enumerate() {
-            let span = rows.offsets[i]..rows.offsets[i + 1];
-            let value: f64 = span
-                .map(|k| {
-                    let c = rows.columns[k] as usize;
-                    f64::from(rows.values[k]) * coarse.root_mass[c] * function(&level.positions[c])
-                })
-                .sum();
+            let rows = &level.weights;
+            let (columns, values) = rows.row(i);
+            let of = |(&c, &weight): (&u32, &f32)| {
+                let c = c as usize;
+                f64::from(weight) * coarse.root_mass[c] * function(&level.positions[c])
+            };
+            let value: f64 = columns.iter().zip(values).map(of).sum();
             let exact = fine.root_mass[i] * function(at);
             assert!((value - exact).abs() < 0.01 * fine.root_mass[i], "{i}: {value} {exact}");
         }

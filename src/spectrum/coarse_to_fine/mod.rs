@@ -129,7 +129,7 @@ fn by_factor<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     let dual = {
         let mut inverse = ByFactor::new(&factor, !own);
         let values = &pairs.values[..request.count];
-        dual::bounds(problem, values, &pairs.vectors, Some(&mut inverse), progress)?
+        dual::bounds(problem, values, &pairs.vectors, Some(&mut inverse), progress)?.bounds
     };
     let missed = if request.narrow.is_none() {
         // the count has a factor of its own

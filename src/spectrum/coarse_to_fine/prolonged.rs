@@ -143,7 +143,7 @@ fn prolonged(problem: &Problem, start: &Start<'_>, progress: &Progress) -> Resul
     for first in (0..all).step_by(columns) {
         progress.advance(0.1 + 0.1 * first as f64 / all as f64)?;
         let coarse = start.vectors.columns_from(first, columns.min(all - first));
-        finished_product(&mut group, start.weights.rows(), coarse, Finish::Product);
+        finished_product(&mut group, start.weights, coarse, Finish::Product);
         vectors.copy_columns(zeros + first, &group, 0, coarse.count());
     }
     Ok(vectors)

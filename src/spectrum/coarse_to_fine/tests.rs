@@ -32,7 +32,7 @@ impl Surface {
         let frames = frames(&points, &nearest, 2, &progress).unwrap();
         let survey = Survey { points: &points, tree: &tree, nearest: &nearest, rules: Rules::default() };
         let stars = survey.triangulate(frames, true, &progress).unwrap().stars;
-        let cells = stars.cells(&points);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
         let area: f64 = cells.volume.iter().sum();
         let first = 4.0 * std::f64::consts::PI / area;
         let walls = voronoi::stiffness(&cells, &progress).unwrap();

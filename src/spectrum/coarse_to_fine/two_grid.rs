@@ -1,6 +1,6 @@
 //! Systems with a matrix of which no factor fits: sweeps take what is rough, a thinned sample what is smooth.
 
-use super::weights::Weights;
+use super::weights::{Transposed, Weights};
 use crate::progress::{Canceled, Progress};
 use crate::spectrum::factor::Cholesky;
 use crate::spectrum::shifted_system::{NearInverse, Room, System};
@@ -11,7 +11,7 @@ use crate::spectrum::vectors::sparse_product::{Finish, finished_product};
 pub(super) struct TwoGrid<'a> {
     weights: &'a Weights,
     /// From residuals at the points to those of the sample.
-    transposed: Weights,
+    transposed: Transposed<'a>,
     factor: &'a Cholesky<'a>,
     coarse: Block<f32>,
     buffer: Vec<f32>,
@@ -30,7 +30,7 @@ impl<'a> TwoGrid<'a> {
         columns: usize,
         progress: &Progress,
     ) -> Result<Self, Canceled> {
-        let transposed = weights.transposed(points, progress)?;
+        let transposed = weights.transposed(progress)?;
         Ok(Self { weights, transposed, factor, coarse: Block::zeros(points, columns), buffer: Vec::new() })
     }
 }
@@ -42,10 +42,11 @@ impl NearInverse for TwoGrid<'_> {
         system.defect(room);
         progress.checkpoint()?;
         let rest = room.other.columns_from(0, columns);
-        finished_product(&mut self.coarse, self.transposed.rows(), rest, Finish::Product);
+        self.transposed.product(&mut self.coarse, rest);
+        progress.checkpoint()?;
         self.factor.solve_single(&mut self.coarse, &mut self.buffer, progress)?;
         let solved = self.coarse.columns_from(0, columns);
-        finished_product(&mut room.other, self.weights.rows(), solved, Finish::Product);
+        finished_product(&mut room.other, self.weights, solved, Finish::Product);
         progress.checkpoint()?;
         room.correct();
         system.sweep(room, progress)

@@ -1,11 +1,15 @@
 //! From coarse points to fine ones: moving least squares of degree two in the coarse points' tangent planes.
 
+#![expect(clippy::inline_always, reason = "functions of another instruction set are not inlined otherwise")]
+
 use nalgebra::{Matrix6, Vector6};
+use pulp::Arch;
 use rayon::prelude::*;
 
 use crate::operator::Sparse;
 use crate::progress::{Canceled, Progress};
-use crate::spectrum::vectors::sparse_product::Rows;
+use crate::spectrum::vectors::block::{Block, Columns};
+use crate::spectrum::vectors::sparse_product::Matrix;
 
 /// Coarse points that a function is fitted to at most: two rings.
 const CANDIDATES: usize = 19;
@@ -22,91 +26,156 @@ const DEFECT_MAX: f64 = 0.05;
 const POINTS_PER_TASK: usize = 4_096;
 
 /// For every fine point the coarse points that it depends on, with their weights, in single precision: what they leave is
-/// smoothed before it is used.
+/// smoothed before it is used. All points that one coarse point stands for depend on the same ones, which are kept once.
 pub(super) struct Weights {
-    offsets: Vec<usize>,
-    columns: Vec<u32>,
+    /// The coarse point that stands for every fine one.
+    owner: Vec<u32>,
+    /// Where the coarse points around each of them begin, and the last ones end.
+    offsets: Vec<u32>,
+    near: Vec<u32>,
+    /// [`CANDIDATES`] of every fine point, those that it does not depend on with 0.
     values: Vec<f32>,
 }
 
+/// Fine points by what they depend on.
+pub(super) struct Transposed<'a> {
+    weights: &'a Weights,
+    /// Where the fine points of every coarse one begin, and the last ones end.
+    begins: Vec<u32>,
+    members: Vec<u32>,
+    /// For every coarse point the ones around which it is, and its place there.
+    offsets: Vec<u32>,
+    around: Vec<(u32, u8)>,
+}
+
+impl Matrix<f32> for &Weights {
+    #[inline]
+    fn row(&self, i: usize) -> (&[u32], &[f32]) {
+        let near = self.near(self.owner[i] as usize);
+        (near, &self.values[i * CANDIDATES..][..near.len()])
+    }
+}
+
 impl Weights {
-    pub(super) fn rows(&self) -> Rows<'_, f32> {
-        Rows { offsets: &self.offsets, columns: &self.columns, values: &self.values }
+    fn near(&self, c: usize) -> &[u32] {
+        &self.near[self.offsets[c] as usize..self.offsets[c + 1] as usize]
     }
 
-    /// The transposed matrix, for `coarse` coarse points.
+    /// The transposed matrix.
     ///
     /// # Errors
     /// [`Canceled`].
-    pub(super) fn transposed(&self, coarse: usize, progress: &Progress) -> Result<Self, Canceled> {
-        let mut offsets = vec![0; coarse + 1];
-        self.columns.iter().for_each(|&c| offsets[c as usize + 1] += 1);
-        (0..coarse).for_each(|c| offsets[c + 1] += offsets[c]);
-        let mut next = offsets.clone();
-        let (mut columns, mut values) = (vec![0; self.columns.len()], vec![0.0; self.columns.len()]);
-        for (i, span) in self.offsets.windows(2).enumerate() {
-            if i % POINTS_PER_TASK == 0 {
-                progress.checkpoint()?;
-            }
-            for k in span[0]..span[1] {
-                let place = &mut next[self.columns[k] as usize];
-                columns[*place] = i as u32;
-                values[*place] = self.values[k];
-                *place += 1;
-            }
+    pub(super) fn transposed(&self, progress: &Progress) -> Result<Transposed<'_>, Canceled> {
+        let coarse = self.offsets.len() - 1;
+        let (begins, members) = grouped(coarse, || self.owner.iter().copied());
+        progress.checkpoint()?;
+        let (offsets, places) = grouped(coarse, || self.near.iter().copied());
+        progress.checkpoint()?;
+        let mut center = vec![0_u32; self.near.len()];
+        for (c, span) in self.offsets.windows(2).enumerate() {
+            center[span[0] as usize..span[1] as usize].fill(c as u32);
         }
-        Ok(Self { offsets, columns, values })
+        let around = |&k: &u32| {
+            let c = center[k as usize];
+            (c, (k - self.offsets[c as usize]) as u8)
+        };
+        let around = places.iter().map(around).collect();
+        Ok(Transposed { weights: self, begins, members, offsets, around })
     }
 
-    /// Weights of the coarse points at fine ones; fine point `i` is at `fine(i)` near the coarse point `owner(i)`.
+    /// Weights of the coarse points at fine ones; fine point `i` is at `fine(i)` near the coarse point `owner[i]`.
     /// `graph` couples the coarse points, `planes` are their tangent planes, and `scale(i, c)` multiplies their weights.
     ///
     /// # Errors
     /// [`Canceled`].
-    #[allow(clippy::too_many_arguments)] // two samples and what relates them
     pub(super) fn fit<'a>(
-        points: usize,
         fine: impl Fn(usize) -> &'a [f64] + Sync,
-        owner: impl Fn(usize) -> usize + Sync,
+        owner: Vec<u32>,
         coarse: &[[f64; 3]],
         planes: &[[[f64; 3]; 2]],
         graph: &Sparse,
         scale: impl Fn(usize, usize) -> f64 + Sync,
         progress: &Progress,
     ) -> Result<Self, Canceled> {
-        let near: Vec<Vec<u32>> = (0..coarse.len())
+        let rings: Vec<Vec<u32>> = (0..coarse.len())
             .into_par_iter()
             .with_min_len(256)
-            .map(|c| two_rings(graph, coarse, c))
+            .map(|c| if progress.is_canceled() { Vec::new() } else { two_rings(graph, coarse, c) })
             .collect();
-        let task = |first: usize| {
-            let (mut lengths, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
-            let mut fitted = Vec::with_capacity(CANDIDATES);
-            let end = if progress.is_canceled() { first } else { points.min(first + POINTS_PER_TASK) };
-            for i in first..end {
-                let c = owner(i);
-                weigh(fine(i), &near[c], coarse, &planes[c], &mut fitted);
-                columns.extend(fitted.iter().map(|&(c, _)| c));
-                values.extend(fitted.iter().map(|&(c, weight)| (weight * scale(i, c as usize)) as f32));
-                lengths.push(fitted.len());
-            }
-            (lengths, columns, values)
-        };
-        let tasks: Vec<usize> = (0..points).step_by(POINTS_PER_TASK).collect();
-        let tasks: Vec<(Vec<usize>, Vec<u32>, Vec<f32>)> = tasks.into_par_iter().map(task).collect();
         progress.checkpoint()?;
-        let mut all = Self { offsets: vec![0], columns: Vec::new(), values: Vec::new() };
-        let mut end = 0;
-        for (lengths, columns, values) in tasks {
-            all.offsets.extend(lengths.iter().map(|length| {
-                end += length;
-                end
-            }));
-            all.columns.extend(columns);
-            all.values.extend(values);
+        let (mut offsets, mut near) = (vec![0], Vec::with_capacity(CANDIDATES * coarse.len()));
+        for ring in &rings {
+            near.extend_from_slice(ring);
+            offsets.push(near.len() as u32);
         }
+        drop(rings);
+        let values = vec![0.0_f32; CANDIDATES * owner.len()];
+        let mut all = Self { owner, offsets, near, values };
+        let mut values = std::mem::take(&mut all.values);
+        let tasks = values.par_chunks_mut(CANDIDATES * POINTS_PER_TASK).enumerate();
+        tasks.for_each(|(task, rows)| {
+            let mut fitted = [0.0; CANDIDATES];
+            for (k, row) in rows.chunks_exact_mut(CANDIDATES).enumerate() {
+                if progress.is_canceled() {
+                    return;
+                }
+                let i = task * POINTS_PER_TASK + k;
+                let c = all.owner[i] as usize;
+                let near = all.near(c);
+                weigh(fine(i), near, coarse, &planes[c], &mut fitted[..near.len()]);
+                for ((out, &c), weight) in row.iter_mut().zip(near).zip(fitted) {
+                    *out = (weight * scale(i, c as usize)) as f32;
+                }
+            }
+        });
+        progress.checkpoint()?;
+        all.values = values;
         Ok(all)
     }
+}
+
+impl Transposed<'_> {
+    /// `Y = Wᵀ X`, sums in the order of the coarse points and of their fine ones.
+    pub(super) fn product(&self, y: &mut Block<f32>, x: Columns<'_, f32>) {
+        y.set_columns(x.count());
+        let arch = Arch::new();
+        y.for_each_stretch(|first, rows, width| {
+            arch.dispatch(|| {
+                for (k, row) in rows.chunks_mut(width).enumerate() {
+                    self.add_row(first + k, x, &mut row[..x.count()]);
+                }
+            });
+        });
+    }
+
+    #[inline(always)]
+    fn add_row(&self, a: usize, x: Columns<'_, f32>, sums: &mut [f32]) {
+        sums.fill(0.0);
+        let around = &self.around[self.offsets[a] as usize..self.offsets[a + 1] as usize];
+        for &(c, place) in around {
+            let members = self.begins[c as usize] as usize..self.begins[c as usize + 1] as usize;
+            for &i in &self.members[members] {
+                let weight = self.weights.values[i as usize * CANDIDATES + usize::from(place)];
+                if weight != 0.0 {
+                    sums.iter_mut().zip(x.row(i as usize)).for_each(|(sum, x)| *sum += weight * x);
+                }
+            }
+        }
+    }
+}
+
+/// The numbers of all `labels`, by label: where those of every label begin, and they themselves, ascending.
+fn grouped<I: Iterator<Item = u32>>(count: usize, labels: impl Fn() -> I) -> (Vec<u32>, Vec<u32>) {
+    let mut begins = vec![0_u32; count + 1];
+    labels().for_each(|label| begins[label as usize + 1] += 1);
+    (0..count).for_each(|label| begins[label + 1] += begins[label]);
+    let mut next = begins.clone();
+    let mut numbers = vec![0_u32; begins[count] as usize];
+    for (k, label) in labels().enumerate() {
+        numbers[next[label as usize] as usize] = k as u32;
+        next[label as usize] += 1;
+    }
+    (begins, numbers)
 }
 
 /// Point `c` with its neighbors and theirs, nearest first.
@@ -134,16 +203,16 @@ fn squared_length(a: [f64; 3]) -> f64 {
     dot(a, a)
 }
 
-/// Weights at `p` of the coarse points `near`, into `fitted`.
-fn weigh(p: &[f64], near: &[u32], points: &[[f64; 3]], plane: &[[f64; 3]; 2], fitted: &mut Vec<(u32, f64)>) {
-    fitted.clear();
+/// Weights at `p` of the coarse points `near`, into `fitted`, of as many numbers.
+fn weigh(p: &[f64], near: &[u32], points: &[[f64; 3]], plane: &[[f64; 3]; 2], fitted: &mut [f64]) {
     let mut offsets = [[0.0; 3]; CANDIDATES];
     let mut squared = [0.0; CANDIDATES];
     for (k, &c) in near.iter().enumerate() {
         offsets[k] = offset(&points[c as usize], p);
         squared[k] = squared_length(offsets[k]);
         if squared[k] == 0.0 {
-            fitted.push((c, 1.0));
+            fitted.fill(0.0);
+            fitted[k] = 1.0;
             return;
         }
     }
@@ -178,22 +247,18 @@ fn weigh(p: &[f64], near: &[u32], points: &[[f64; 3]], plane: &[[f64; 3]; 2], fi
     if let Some(factor) = normal.cholesky() {
         factor.solve_mut(&mut first);
         let weight = |(offset, &squared): (&[f64; 3], &f64)| influence(squared) * basis(*offset).dot(&first);
-        fitted.extend(near.iter().copied().zip(offsets.iter().zip(squared).map(weight)));
-        let sum: f64 = fitted.iter().map(|(_, weight)| weight).sum();
-        let sound = (sum - 1.0).abs() < DEFECT_MAX && fitted.iter().all(|(_, w)| w.abs() < WEIGHT_MAX);
+        let weights = offsets.iter().zip(squared).map(weight);
+        fitted.iter_mut().zip(weights).for_each(|(fitted, weight)| *fitted = weight);
+        let sum: f64 = fitted.iter().sum();
+        let sound = (sum - 1.0).abs() < DEFECT_MAX && fitted.iter().all(|w| w.abs() < WEIGHT_MAX);
         if sound {
-            fitted.retain(|&(_, weight)| weight != 0.0);
-            for (_, weight) in fitted.iter_mut() {
-                *weight /= sum;
-            }
+            fitted.iter_mut().for_each(|weight| *weight /= sum);
             return;
         }
-        fitted.clear();
     }
     // too few points, or on a conic
     let sum: f64 = squared.iter().map(|&squared| influence(squared)).sum();
-    fitted.extend(near.iter().zip(squared).map(|(&c, &squared)| (c, influence(squared) / sum)));
-    fitted.retain(|&(_, weight)| weight != 0.0);
+    fitted.iter_mut().zip(squared).for_each(|(fitted, &squared)| *fitted = influence(squared) / sum);
 }
 
 #[cfg(test)]
@@ -211,15 +276,33 @@ mod tests {
 
     #[test]
     fn the_transposed_matrix_has_the_entries_at_their_other_places() {
-        let weights = Weights {
-            offsets: vec![0, 2, 2, 4],
-            columns: vec![2, 0, 2, 1],
-            values: vec![0.75, 0.25, 1.5, -0.5],
-        };
-        let transposed = weights.transposed(3, &Progress::new()).unwrap();
-        assert_eq!(transposed.offsets, [0, 1, 2, 4]);
-        assert_eq!(transposed.columns, [0, 2, 0, 2]);
-        assert_eq!(transposed.values, [0.25, -0.5, 0.75, 1.5]);
+        // three coarse points, of which the second stands for nothing, and five fine ones
+        let owner = vec![0, 2, 0, 2, 2];
+        let (offsets, near) = (vec![0, 2, 2, 5], vec![0, 1, 2, 1, 0]);
+        let mut values = vec![0.0; 5 * CANDIDATES];
+        let rows: [&[f32]; 5] = [&[0.75, 0.25], &[1.5, -0.5, 0.0], &[0.5, 0.5], &[0.25, 0.5, 0.25], &[1.0]];
+        for (i, row) in rows.iter().enumerate() {
+            values[i * CANDIDATES..][..row.len()].copy_from_slice(row);
+        }
+        let weights = Weights { owner, offsets, near, values };
+        let rows = &weights;
+        assert_eq!(rows.row(3), (&[2, 1, 0][..], &[0.25, 0.5, 0.25][..]));
+        let mut dense = [[0.0_f32; 3]; 5];
+        for (i, row) in dense.iter_mut().enumerate() {
+            let (columns, values) = rows.row(i);
+            columns.iter().zip(values).for_each(|(&c, &weight)| row[c as usize] = weight);
+        }
+        let mut x = Block::<f32>::zeros(5, 9);
+        x.for_each_row(|i, row| row.iter_mut().enumerate().for_each(|(j, x)| *x = (i * i + j) as f32));
+        let mut y = Block::<f32>::zeros(3, 9);
+        weights.transposed(&Progress::new()).unwrap().product(&mut y, x.columns_from(2, 7));
+        for c in 0..3 {
+            for j in 0..7 {
+                // all of these numbers are whole multiples of 1/4
+                let expected: f32 = (0..5).map(|i| dense[i][c] * x.row(i)[j + 2]).sum();
+                assert_eq!(y.row(c)[j].to_bits(), (expected + 0.0).to_bits(), "{c} {j}");
+            }
+        }
     }
 
     #[test]
@@ -230,16 +313,16 @@ mod tests {
         assert_eq!(points.len(), CANDIDATES);
         let near: Vec<u32> = (0..points.len() as u32).collect();
         let quadratic = |p: &[f64]| 1.0 + p[0] - 2.0 * p[1] + 0.5 * p[0] * p[2] + p[1] * p[1] - p[1] * p[2];
-        let mut fitted = Vec::new();
+        let mut fitted = [0.0; CANDIDATES];
         for p in [[0.2, 0.3, 0.2], [-0.1, 0.45, -0.1], [0.3, -0.2, 0.3]] {
             weigh(&p, &near, &points, &axes, &mut fitted);
-            let value: f64 = fitted.iter().map(|&(c, w)| w * quadratic(&points[c as usize])).sum();
+            let value: f64 = fitted.iter().zip(&points).map(|(w, at)| w * quadratic(at)).sum();
             assert!((value - quadratic(&p)).abs() < 1e-7, "{value} {}", quadratic(&p));
         }
         weigh(&points[4], &near, &points, &axes, &mut fitted);
-        assert_eq!(fitted, [(4, 1.0)]);
-        weigh(&[0.2, 0.3, 0.2], &near[..4], &points, &axes, &mut fitted);
-        let sum: f64 = fitted.iter().map(|(_, weight)| weight).sum();
-        assert!((sum - 1.0).abs() < 1e-12 && fitted.iter().all(|&(_, weight)| weight > 0.0));
+        assert!(fitted.iter().enumerate().all(|(k, &weight)| weight == if k == 4 { 1.0 } else { 0.0 }));
+        weigh(&[0.2, 0.3, 0.2], &near[..4], &points, &axes, &mut fitted[..4]);
+        let sum: f64 = fitted[..4].iter().sum();
+        assert!((sum - 1.0).abs() < 1e-12 && fitted[..4].iter().all(|&weight| weight > 0.0));
     }
 }

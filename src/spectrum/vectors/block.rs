@@ -77,7 +77,7 @@ impl<T: Scalar> Block<T> {
 
     /// Changes every stretch of rows in place, in parallel: the number of its first row, and the rows, each
     /// `columns` numbers at the beginning of the block's width, which is passed on.
-    pub(super) fn for_each_stretch(&mut self, change: impl Fn(usize, &mut [T], usize) + Sync + Send) {
+    pub(crate) fn for_each_stretch(&mut self, change: impl Fn(usize, &mut [T], usize) + Sync + Send) {
         let width = self.width;
         self.values
             .par_chunks_mut(width * CHUNK_ROWS)

@@ -22,7 +22,7 @@ pub(super) const PARTIAL_SUMS: usize = 16;
 pub fn gram_pair(a: &Sparse, x: &Block, progress: &Progress) -> Result<[Mat<f64>; 2], Canceled> {
     let m = x.columns();
     let nothing = || [Mat::zeros(m, m), Mat::zeros(m, m)];
-    let parts = by_chunks(a, x, progress, nothing, |sums: &mut [Mat<f64>; 2], _, own, image| {
+    let parts = by_chunks(Some(a), x, progress, nothing, |sums: &mut [Mat<f64>; 2], _, own, image| {
         add_lower(&mut sums[0], own, own);
         add_lower(&mut sums[1], own, image);
     })?;
@@ -67,36 +67,77 @@ pub fn residuals_and_gram(
         add_lower(&mut sums.1, own, own);
     };
     let mut total = nothing();
-    for (squares, gram) in by_chunks(a, x, progress, nothing, add)? {
+    for (squares, gram) in by_chunks(Some(a), x, progress, nothing, add)? {
         total.0.iter_mut().zip(squares).for_each(|(total, square)| *total += square);
         total.1 += gram;
     }
     Ok((total.0.into_iter().map(|square| square.max(0.0).sqrt()).collect(), symmetric(&total.1)))
 }
 
-/// `A X − X diag(values)`, computed in double precision and rounded.
-pub fn rounded_residual(out: &mut Block<f32>, a: &Sparse, x: Columns<'_, f64>, values: &[f64]) {
+/// `XᵀX`.
+///
+/// # Errors
+/// [`Canceled`].
+pub fn own_gram(x: &Block, progress: &Progress) -> Result<Mat<f64>, Canceled> {
+    let nothing = || Mat::<f64>::zeros(x.columns(), x.columns());
+    let parts = by_chunks(None, x, progress, nothing, |sum, _, own, _| add_lower(sum, own, own))?;
+    let mut total = nothing();
+    parts.into_iter().for_each(|part| total += part);
+    Ok(symmetric(&total))
+}
+
+/// Norms of the columns of `A X − X diag(values)`.
+///
+/// # Errors
+/// [`Canceled`].
+pub fn residual_norms(
+    a: &Sparse,
+    x: &Block,
+    values: &[f64],
+    progress: &Progress,
+) -> Result<Vec<f64>, Canceled> {
+    let nothing = || vec![0.0; x.columns()];
+    let add = |sums: &mut Vec<f64>, _: usize, own: MatRef<'_, f64>, image: MatRef<'_, f64>| {
+        for (own, image) in own.row_iter().zip(image.row_iter()) {
+            let entries = own.iter().zip(image.iter()).zip(values);
+            for (sum, ((x, image), value)) in sums.iter_mut().zip(entries) {
+                let rest = image - value * x;
+                *sum += rest * rest;
+            }
+        }
+    };
+    let squares = added(x.columns(), by_chunks(Some(a), x, progress, nothing, add)?);
+    Ok(squares.into_iter().map(f64::sqrt).collect())
+}
+
+/// `A X − X diag(values)`, computed in double precision and rounded, and the squared norms of its columns before that.
+pub fn rounded_residual(out: &mut Block<f32>, a: &Sparse, x: Columns<'_, f64>, values: &[f64]) -> Vec<f64> {
     let m = x.count();
     out.set_columns(m);
-    out.for_each_stretch(|first, rows, width| {
+    let parts = out.map_stretches(PARTIAL_SUMS, |first, rows, width| {
+        let mut sums = vec![0.0; m];
         let mut image = vec![0.0; CHUNK_ROWS * m];
         for (chunk, rows) in rows.chunks_mut(CHUNK_ROWS * width).enumerate() {
             let first = first + chunk * CHUNK_ROWS;
             let image = &mut image[..rows.len() / width * m];
             product_of_rows(Rows::of(a), x, first, image, m);
             for (k, (row, image)) in rows.chunks_mut(width).zip(image.chunks_exact(m)).enumerate() {
-                for (((out, image), x), value) in row.iter_mut().zip(image).zip(x.row(first + k)).zip(values)
-                {
-                    *out = (image - value * x) as f32;
+                let entries = image.iter().zip(x.row(first + k)).zip(values);
+                for ((out, sum), ((image, x), value)) in row.iter_mut().zip(&mut sums).zip(entries) {
+                    let rest = image - value * x;
+                    *sum += rest * rest;
+                    *out = rest as f32;
                 }
             }
         }
+        sums
     });
+    added(m, parts)
 }
 
-/// Calls `add` with every chunk's first row, the chunk and its image.
+/// Calls `add` with every chunk's first row, the chunk and its image, zeros without an `a`.
 fn by_chunks<R: Send>(
-    a: &Sparse,
+    a: Option<&Sparse>,
     x: &Block,
     progress: &Progress,
     nothing: impl Fn() -> R + Sync + Send,
@@ -113,13 +154,24 @@ fn by_chunks<R: Send>(
         for first in (start..end).step_by(CHUNK_ROWS) {
             progress.checkpoint()?;
             let rows = CHUNK_ROWS.min(end - first);
-            product_of_rows(Rows::of(a), all, first, &mut image[..rows * m], m);
+            if let Some(a) = a {
+                product_of_rows(Rows::of(a), all, first, &mut image[..rows * m], m);
+            }
             let image = MatRef::from_row_major_slice(&image[..rows * m], rows, m);
             add(&mut sum, first, x.chunk(first..first + rows, 0), image);
         }
         Ok(sum)
     };
     starts.into_par_iter().map(of_part).collect()
+}
+
+/// Sums of columns, from those of their parts.
+pub(crate) fn added(columns: usize, parts: Vec<Vec<f64>>) -> Vec<f64> {
+    let mut total = vec![0.0; columns];
+    for part in parts {
+        total.iter_mut().zip(part).for_each(|(total, part)| *total += part);
+    }
+    total
 }
 
 /// `sum += aᵀb`, of which the lower triangle counts.
@@ -169,6 +221,17 @@ mod tests {
         assert!(
             norms.iter().zip(column_norms(&image)).all(|(norm, other)| (norm / other - 1.0).abs() < 1e-12)
         );
+        let (norms, _) = residuals_and_gram(&a, &x, &values, &[], &Progress::new()).unwrap();
+        let alone = residual_norms(&a, &x, &values, &Progress::new()).unwrap();
+        let mut rounded = Block::<f32>::zeros(2_500, 13);
+        let squares = rounded_residual(&mut rounded, &a, x.columns_from(0, 13), &values);
+        for j in 0..13 {
+            let of_rounded: f64 = rounded.column(j).iter().map(|&r| f64::from(r).powi(2)).sum();
+            assert!((alone[j] / norms[j] - 1.0).abs() < 1e-13);
+            assert!((squares[j].sqrt() / norms[j] - 1.0).abs() < 1e-12);
+            assert!((of_rounded.sqrt() / norms[j] - 1.0).abs() < 1e-6);
+        }
+        assert!((own_gram(&x, &Progress::new()).unwrap() - gram(&x, &x)).norm_max() < 1e-9);
         let canceled = Progress::new();
         canceled.cancel();
         assert_eq!(gram_pair(&a, &x, &canceled).err(), Some(Canceled));

@@ -6,7 +6,7 @@ use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
 use super::block::{Block, Columns};
-use super::pair::{CHUNK_ROWS, PARTIAL_SUMS, add_lower, symmetric};
+use super::pair::{CHUNK_ROWS, PARTIAL_SUMS, add_lower, added, symmetric};
 use crate::operator::Sparse;
 use crate::progress::{Canceled, Progress};
 
@@ -98,15 +98,6 @@ pub fn residual(out: &mut Block<f32>, a: &Sparse, x: Scaled<'_>, values: &[f64])
         sums
     });
     added(m, sums)
-}
-
-/// Sums of columns, from those of their parts.
-pub(crate) fn added(columns: usize, parts: Vec<Vec<f64>>) -> Vec<f64> {
-    let mut total = vec![0.0; columns];
-    for part in parts {
-        total.iter_mut().zip(part).for_each(|(total, part)| *total += part);
-    }
-    total
 }
 
 /// `X ← X M` in place for `M` with at most as many columns as rows; the block then has `M`'s columns.

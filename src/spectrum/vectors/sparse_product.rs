@@ -8,6 +8,12 @@ use super::block::{Block, Columns};
 use super::scalar::Scalar;
 use crate::operator::Sparse;
 
+/// A sparse matrix that vectors are multiplied by, its values in either precision.
+pub trait Matrix<T>: Copy + Sync {
+    /// Columns and values of the entries of row `i`.
+    fn row(&self, i: usize) -> (&[u32], &[T]);
+}
+
 /// The rows of a sparse matrix, its values in either precision.
 #[derive(Debug, Clone, Copy)]
 pub struct Rows<'a, T> {
@@ -27,9 +33,9 @@ impl<'a> Rows<'a, f64> {
     }
 }
 
-impl<'a, T> Rows<'a, T> {
+impl<T: Scalar> Matrix<T> for Rows<'_, T> {
     #[inline(always)]
-    fn row(&self, i: usize) -> (&'a [u32], &'a [T]) {
+    fn row(&self, i: usize) -> (&[u32], &[T]) {
         let span = self.offsets[i]..self.offsets[i + 1];
         (&self.columns[span.clone()], &self.values[span])
     }
@@ -56,7 +62,7 @@ pub fn sparse_product(y: &mut Block, a: &Sparse, x: &Block) {
 /// The same of columns of a block, in either precision, finished as told.
 pub fn finished_product<T: Scalar>(
     y: &mut Block<T>,
-    a: Rows<'_, T>,
+    a: impl Matrix<T>,
     x: Columns<'_, T>,
     finish: Finish<'_, T>,
 ) {
@@ -79,8 +85,8 @@ pub(super) fn product_of_rows<T: Scalar>(
 }
 
 /// Some rows of a product, the first of them number `first`, every one at the beginning of `width` numbers.
-struct Stretch<'a, 'y, T> {
-    a: Rows<'a, T>,
+struct Stretch<'a, 'y, A, T> {
+    a: A,
     x: Columns<'a, T>,
     finish: Finish<'a, T>,
     first: usize,
@@ -88,7 +94,7 @@ struct Stretch<'a, 'y, T> {
     width: usize,
 }
 
-impl<T: Scalar> WithSimd for Stretch<'_, '_, T> {
+impl<T: Scalar, A: Matrix<T>> WithSimd for Stretch<'_, '_, A, T> {
     type Output = ();
 
     #[inline(always)]
@@ -171,22 +177,48 @@ impl<T: Scalar, S: Simd> Product<'_, T, S> {
         out[..P].copy_from_slice(&sums);
     }
 
-    /// Columns that fill no vector, from column `from` on.
+    /// Columns that fill no vector, from column `from` on, together as far as they can be.
     #[inline(always)]
     fn rest(&self, out: &mut [T], from: usize) {
-        let Self { x, finish, row, entries, .. } = *self;
-        for (j, y) in (from..).zip(out) {
-            let mut sum = T::nearest(0.0);
-            for (&i, &value) in entries.0.iter().zip(entries.1) {
-                sum += value * x.row(i as usize)[j];
-            }
-            *y = match finish {
-                Finish::Product => sum,
-                Finish::Residual(mu) => sum - mu[j] * x.row(row)[j],
-                Finish::Defect(right) => right.row(row)[j] - sum,
-                Finish::Relaxed(right, scale) => x.row(row)[j] + scale[row] * (right.row(row)[j] - sum),
-            };
+        let (eights, others) = out.as_chunks_mut::<8>();
+        let next = from + 8 * eights.len();
+        for (k, out) in eights.iter_mut().enumerate() {
+            self.some(out, from + 8 * k);
         }
+        for (k, out) in others.iter_mut().enumerate() {
+            self.some(std::array::from_mut(out), next + k);
+        }
+    }
+
+    /// `P` columns, from column `from` on.
+    #[inline(always)]
+    fn some<const P: usize>(&self, out: &mut [T; P], from: usize) {
+        let Self { x, finish, row, entries, .. } = *self;
+        let some = |columns: Columns<'_, T>, i: usize| -> [T; P] {
+            let row = &columns.row(i)[from..from + P];
+            std::array::from_fn(|k| row[k])
+        };
+        let mut sums = [T::nearest(0.0); P];
+        for (&i, &value) in entries.0.iter().zip(entries.1) {
+            for (sum, x) in sums.iter_mut().zip(some(x, i as usize)) {
+                *sum += value * x;
+            }
+        }
+        *out = match finish {
+            Finish::Product => sums,
+            Finish::Residual(mu) => {
+                let own = some(x, row);
+                std::array::from_fn(|k| sums[k] - mu[from + k] * own[k])
+            }
+            Finish::Defect(right) => {
+                let right = some(right, row);
+                std::array::from_fn(|k| right[k] - sums[k])
+            }
+            Finish::Relaxed(right, scale) => {
+                let (own, right) = (some(x, row), some(right, row));
+                std::array::from_fn(|k| own[k] + scale[row] * (right[k] - sums[k]))
+            }
+        };
     }
 }
 

@@ -4,6 +4,7 @@ use super::*;
 use crate::spectrum::MissedCheck;
 use crate::spectrum::solver;
 use crate::spectrum::vectors::single::{Scaled, gram_pair};
+use crate::spectrum::vectors::sparse_product::Matrix;
 
 const COUNT: usize = 20;
 
@@ -77,10 +78,10 @@ fn nothing_comes_from_another_sheet() {
     );
     let level = level.unwrap().unwrap();
     let is_inside = |p: &[f64]| p.iter().map(|x| x * x).sum::<f64>().sqrt() < 0.99;
-    let rows = level.weights.rows();
+    let rows = &level.weights;
     for i in 0..both.problem.size() {
-        for k in rows.offsets[i]..rows.offsets[i + 1] {
-            let coarse = &level.positions[rows.columns[k] as usize];
+        for &c in rows.row(i).0 {
+            let coarse = &level.positions[c as usize];
             assert_eq!(is_inside(coarse), is_inside(both.points.point(i)), "{i}");
         }
     }
