@@ -110,7 +110,9 @@ pub(super) fn fill(columns: &mut Columns, sources: &[Source<'_>]) {
             Target::Field(field) => {
                 let field = &mut columns.fields[field];
                 source.decode(Place::packed(&mut field.values));
-                columns.notes.extend(rounded(field).filter(|_| is_wide));
+                if is_wide {
+                    columns.notes.extend(rounded(field));
+                }
             }
             Target::Skipped => {}
         }
