@@ -88,6 +88,11 @@ pub struct PointCloud {
     nonfinite: usize,
 }
 
+/// Whether all numbers are finite; without a branch per number, so that the compiler looks at several at once.
+fn all_finite(block: &[f64]) -> bool {
+    block.iter().fold(true, |all, x| all & x.is_finite())
+}
+
 impl PointCloud {
     /// A cloud from row-major coordinates, `n × dimension`, in the units of the upload.
     ///
@@ -95,6 +100,16 @@ impl PointCloud {
     /// [`CloudError`] when there is no point, the dimension is out of range, or a coordinate is not finite
     /// and `policy` is [`NonFinite::Reject`].
     pub fn new(dimension: usize, coordinates: Vec<f64>, policy: NonFinite) -> Result<Self, CloudError> {
+        Self::looked_through(dimension, coordinates, policy, false)
+    }
+
+    /// [`Self::new`] for coordinates that may be known to be finite: readers look at them while they are in the cache.
+    fn looked_through(
+        dimension: usize,
+        coordinates: Vec<f64>,
+        policy: NonFinite,
+        are_finite: bool,
+    ) -> Result<Self, CloudError> {
         if !(1..=DIMENSION_MAX).contains(&dimension) {
             return Err(CloudError::Dimension { dimension });
         }
@@ -105,11 +120,9 @@ impl PointCloud {
             return Err(CloudError::Ragged { values: coordinates.len(), dimension });
         }
         let mut nonfinite = 0;
-        // Whole blocks first: without a branch per number the compiler vectorises the test.
-        let is_finite = |block: &[f64]| block.iter().fold(true, |all, x| all & x.is_finite());
-        if !coordinates.par_chunks(1 << 16).all(|part| part.chunks(1024).all(is_finite)) {
+        if !are_finite && !coordinates.par_chunks(1 << 16).all(|part| part.chunks(1024).all(all_finite)) {
             for (row, point) in coordinates.chunks_exact(dimension).enumerate() {
-                if !is_finite(point) {
+                if !all_finite(point) {
                     if policy == NonFinite::Reject {
                         return Err(CloudError::NonFinite { row });
                     }

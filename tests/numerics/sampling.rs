@@ -122,6 +122,37 @@ fn lines_of_a_scanner_are_one_surface() {
     assert!(worst_error(&found, &exact[1..20]) < 0.04, "{}", worst_error(&found, &exact[1..20]));
 }
 
+/// A square whose points are twice as far apart in one direction as in the other: λ₁ = λ₂ = π².
+#[rstest]
+#[case(Voronoi)]
+#[case(PbMhb)]
+fn a_lattice_of_two_spacings_is_a_square(#[case] kind: OperatorKind) {
+    let points =
+        (0..57 * 112).flat_map(|i| [f64::from(i % 57) / 56.0, f64::from(i / 57) / 111.0, 0.0]).collect();
+    let found = eigenvalues(&eigen(&cloud(3, points), &parameters(kind, 4)));
+    let worst = worst_error(&found, &[PI * PI; 2]);
+    assert!(worst < 0.01, "{worst} {found:?}");
+}
+
+/// The floor around a tripod of 1.5 m, a ring for every degree from 34.38° to 79.38°: rings near the rim are 18 times as far
+/// apart as those within, and points of a ring stand 2 to 5 times as dense as rings.
+#[rstest]
+#[case(Voronoi)]
+#[case(PbMhb)]
+fn the_floor_around_a_tripod_is_an_annulus(#[case] kind: OperatorKind) {
+    let points = (0..46 * 360)
+        .flat_map(|i| {
+            let radius = 1.5 * (34.38 + f64::from(i / 360)).to_radians().tan();
+            let angle = f64::from(i % 360).to_radians();
+            [radius * angle.cos(), radius * angle.sin(), 0.0]
+        })
+        .collect();
+    let found = eigenvalues(&eigen(&cloud(3, points), &parameters(kind, 6)));
+    // k², the first zero of J₁′(a k) Y₁′(b k) − J₁′(b k) Y₁′(a k) for a = 1.0263, b = 8 (mpmath 1.3.0).
+    let worst = worst_error(&found, &[0.049_527_958; 2]);
+    assert!(worst < 0.02, "{worst} {found:?}");
+}
+
 /// Noise along the normals, as a share of the spacing, lengthens distances; smoothed it does not.
 #[rstest]
 #[case(Voronoi, 0.25, 0.03)]

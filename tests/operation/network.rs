@@ -34,11 +34,11 @@ impl Link {
                 tokio::spawn(async move {
                     let _ = mended.wait_for(|is_cut| !is_cut).await;
                     let server = UnixStream::connect(socket).await.unwrap();
-                    let (from_node, to_node) = node.into_split();
-                    let (from_server, to_server) = server.into_split();
+                    let (mut from_node, mut to_node) = node.into_split();
+                    let (mut from_server, mut to_server) = server.into_split();
                     tokio::select! {
-                        () = pass(from_node, to_server) => {}
-                        () = pass(from_server, to_node) => {}
+                        () = pass(&mut from_node, &mut to_server) => {}
+                        () = pass(&mut from_server, &mut to_node) => {}
                         // Never again, and nobody is told: both ends stay open.
                         _ = cut.changed() => std::future::pending().await,
                     }
@@ -59,7 +59,7 @@ impl Link {
     }
 }
 
-async fn pass(mut from: impl AsyncReadExt + Unpin, mut to: impl AsyncWriteExt + Unpin) {
+async fn pass(from: &mut (impl AsyncReadExt + Unpin), to: &mut (impl AsyncWriteExt + Unpin)) {
     let mut buffer = vec![0; 64 * 1024];
     while let Ok(length @ 1..) = from.read(&mut buffer).await {
         if to.write_all(&buffer[..length]).await.is_err() {
@@ -94,7 +94,11 @@ async fn a_node_cut_off_from_the_server_loses_its_job_and_comes_back_by_itself()
 
     link.cut();
     let cut = Instant::now();
-    assert_eq!(readiness(&far).await, 503);
+    // What was asked just before may still be answered.
+    while readiness(&far).await != 503 {
+        assert!(cut.elapsed() < Duration::from_secs(30), "nobody notices");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
     println!("told that it is not ready after {:.1?}", cut.elapsed());
     let other = start("other.log", &address, &[]);
     let ended = tokio::time::timeout(PATIENCE, near.ended(&job)).await.expect("nobody takes the job over");

@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::text::{Lines, before_comment};
 use super::{Format, Limits, ReadError, ReadOptions};
-use crate::cloud::{PointCloud, ScalarField, ScalarType};
+use crate::cloud::{PointCloud, ScalarField, ScalarType, all_finite};
 
 /// Where the values of one column of a file go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,6 +77,8 @@ pub(super) struct Columns {
     /// Told with the cloud.
     pub(super) notes: Vec<String>,
     coordinate_type: ScalarType,
+    /// Whether the coordinates are known to be finite.
+    are_finite: bool,
     limits: Limits,
 }
 
@@ -131,7 +134,8 @@ impl Columns {
         let coordinate_type =
             if same { kinds.first().copied().unwrap_or(ScalarType::Float64) } else { ScalarType::Float64 };
         let (coordinates, notes) = (Vec::new(), Vec::new());
-        Ok(Self { targets, dimension, coordinates, fields, notes, coordinate_type, limits: *limits })
+        let (are_finite, limits) = (false, *limits);
+        Ok(Self { targets, dimension, coordinates, fields, notes, coordinate_type, are_finite, limits })
     }
 
     /// Leaves a field out, from here on and what it had.
@@ -191,13 +195,20 @@ impl Columns {
                 fields.push(values);
             }
         }
-        parts.into_par_iter().for_each(|(rows, coordinates, mut fields)| {
-            let blocks = rows.chunks(BLOCK_ROWS * stride).zip(coordinates.chunks_mut(BLOCK_ROWS * dimension));
-            for (index, (rows, coordinates)) in blocks.enumerate() {
+        let part_is_finite = |(rows, coordinates, mut fields): (_, &mut [f64], Vec<_>)| {
+            let blocks = <[u8]>::chunks(rows, BLOCK_ROWS * stride);
+            let mut are_finite = true;
+            for (index, (rows, coordinates)) in
+                blocks.zip(coordinates.chunks_mut(BLOCK_ROWS * dimension)).enumerate()
+            {
                 let (fields, first) = (fields.as_mut_slice(), index * BLOCK_ROWS);
-                decode(&mut Block { rows, coordinates, fields, first });
+                let mut block = Block { rows, coordinates, fields, first };
+                decode(&mut block);
+                are_finite &= all_finite(block.coordinates);
             }
-        });
+            are_finite
+        };
+        self.are_finite = parts.into_par_iter().map(part_is_finite).reduce(|| true, |a, b| a & b);
     }
 
     /// Adds a point. The row has one value per target.
@@ -234,6 +245,14 @@ impl Columns {
         self.coordinates.len() / self.dimension
     }
 
+    /// Tells of lines behind the last that the header announces.
+    pub(super) fn note_lines_behind(&mut self, lines: Lines<'_>, what: &str) {
+        let behind = lines.filter(|line| !before_comment(line.text, b'#').is_empty()).count();
+        if behind > 0 {
+            self.notes.push(format!("{behind} lines behind the {what} that are announced were left out"));
+        }
+    }
+
     /// Settles the types of numbers that came as text. What the header calls `float` is rounded to it, as the same file in
     /// binary has it, unless it is written with more digits than a float holds: then it is kept as double. What it calls
     /// an integer and is none is a double too.
@@ -250,7 +269,8 @@ impl Columns {
         faces: Vec<[u32; 3]>,
         options: &ReadOptions,
     ) -> Result<PointCloud, ReadError> {
-        let cloud = PointCloud::new(self.dimension, self.coordinates, options.policy)?;
+        let (dimension, policy) = (self.dimension, options.policy);
+        let cloud = PointCloud::looked_through(dimension, self.coordinates, policy, self.are_finite)?;
         let mut is_kept = vec![false; self.fields.len()];
         for target in &self.targets {
             if let Target::Field(field) = *target {

@@ -151,9 +151,10 @@ pub(super) fn head(bytes: &[u8], most: usize) -> Option<(Vec<u8>, Option<String>
             let mut archive = open(bytes, Format::Npy).ok()?;
             let entries = entries(&mut archive, Format::Npy).ok()?;
             let (index, name) = entries.first()?;
-            let is_one = entries.len() == 1 || entries.iter().all(|(_, name)| is_array(name));
-            let entry = archive.by_index(*index).ok().filter(|_| is_one)?;
-            let _ = entry.take(most as u64).read_to_end(&mut head);
+            // Of several files, or of one that does not unpack, the reader tells.
+            if let Ok(entry) = archive.by_index(*index) {
+                let _ = entry.take(most as u64).read_to_end(&mut head);
+            }
             Some((head, Some(name.clone())))
         }
     }

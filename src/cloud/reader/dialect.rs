@@ -108,10 +108,15 @@ fn with_decimal_comma(word: &[u8]) -> Option<f64> {
     number(&dotted)
 }
 
-/// Whether a cell says that its value is missing, as spreadsheets and statistics programs do.
+/// Whether a cell says that its value is missing, as spreadsheets and statistics programs do, or that it could not be
+/// printed, as Fortran does by asterisks.
 fn is_missing(cell: &[u8]) -> bool {
-    const WORDS: [&[u8]; 8] = [b"", b"na", b"n/a", b"#n/a", b"null", b"none", b"nil", b"-"];
-    cell.len() <= 4 && WORDS.contains(&cell.to_ascii_lowercase().as_slice())
+    const WORDS: [&[u8]; 20] = [
+        b"", b"na", b"n/a", b"#n/a", b"#nv", b"n.a.", b"<na>", b"null", b"none", b"nil", b"-", b"--",
+        b"#div/0!", b"#value!", b"#wert!", b"#ref!", b"#bezug!", b"#num!", b"#zahl!", b"#name?",
+    ];
+    (cell.len() <= 8 && WORDS.contains(&cell.to_ascii_lowercase().as_slice()))
+        || cell.iter().all(|&b| b == b'*')
 }
 
 /// A cell as a row has it.

@@ -13,14 +13,19 @@ const NO_CLOUD: &str = "send the point cloud itself";
 const PAGE: &str = "the download probably answered with a page; fetch the file itself";
 
 /// First bytes, what they tell, and what to do.
-const SIGNATURES: [(&[u8], &str, &str); 29] = [
+const SIGNATURES: [(&[u8], &str, &str); 43] = [
     (b"%PDF-", "a PDF document", NO_CLOUD),
     (b"\x89PNG\r\n", "a PNG image", NO_CLOUD),
     (b"\xFF\xD8\xFF", "a JPEG image", NO_CLOUD),
     (b"GIF8", "a GIF image", NO_CLOUD),
     (b"BM\x36", "a BMP image", NO_CLOUD),
+    (b"BM\x8A", "a BMP image", NO_CLOUD),
+    (b"8BPS", "a Photoshop image", NO_CLOUD),
+    (b"v/1\x01", "an OpenEXR image", NO_CLOUD),
+    (b"\0\0\0\x0CjP  ", "a JPEG 2000 image", NO_CLOUD),
     (b"II*\0", "a TIFF image", "convert a height model to points, as XYZ or LAS, first"),
     (b"MM\0*", "a TIFF image", "convert a height model to points, as XYZ or LAS, first"),
+    (b"II+\0", "a TIFF image", "convert a height model to points, as XYZ or LAS, first"),
     (b"RIFF", "a RIFF file (WebP, WAV or AVI)", NO_CLOUD),
     (b"7z\xBC\xAF\x27\x1C", "a 7z archive", UNPACK),
     (b"Rar!\x1A\x07", "a RAR archive", UNPACK),
@@ -37,6 +42,15 @@ const SIGNATURES: [(&[u8], &str, &str); 29] = [
     (b"\x80\x02", "a Python pickle", "write the points by numpy.save"),
     (b"\x80\x03", "a Python pickle", "write the points by numpy.save"),
     (b"\x80\x04", "a Python pickle", "write the points by numpy.save"),
+    (b"\x80\x05", "a Python pickle", "write the points by numpy.save"),
+    (b"PAR1", "a Parquet table", "write the points as CSV or NPY"),
+    (b"\xFF\xFE\0\0", "text in UTF-32", "save it in UTF-8"),
+    (b"AC10", "a DWG drawing", EXPORT),
+    (b"ISO-10303-21", "a STEP or IFC model", EXPORT),
+    (b"#usda", "a USD scene", EXPORT),
+    (b"$MeshFormat", "a mesh of Gmsh", EXPORT),
+    (b"MeshVersionFormatted", "a mesh of Medit", EXPORT),
+    (b"%!PS", "a PostScript document", NO_CLOUD),
     (b"\x7FELF", "a program", NO_CLOUD),
     (b"MZ\x90\0", "a program", NO_CLOUD),
     (b"# vtk DataFile", "a VTK file", EXPORT),
@@ -54,11 +68,18 @@ pub(super) fn told(bytes: &[u8]) -> Option<Foreign> {
     if bytes.get(257..262) == Some(b"ustar") {
         return Some(Foreign { what: "a tar archive", advice: UNPACK });
     }
+    if bytes.get(4..8) == Some(b"ftyp") {
+        return Some(Foreign { what: "an MP4 video or a HEIC image", advice: NO_CLOUD });
+    }
     let head = &bytes[..bytes.len().min(1024)];
     let text = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head).trim_ascii_start();
     let lower = text.to_ascii_lowercase();
     let what = |what, advice| Some(Foreign { what, advice });
     match lower.as_slice() {
+        [b'p', b'k', 3, 4, ..] if contains(&lower, b"[content_types].xml") => {
+            what("a document of Office, or 3MF", "send a table as CSV, a model as PLY")
+        }
+        [b'p', b'k', 3, 4, ..] if contains(&lower, b".kml") => what("a KMZ file", EXPORT),
         [b'<', b'!', b'd', b'o', b'c', ..] | [b'<', b'h', b't', b'm', b'l', ..] => what("an HTML page", PAGE),
         [b'<', ..] if contains(&lower, b"<html") => what("an HTML page", PAGE),
         [b'<', ..] if contains(&lower, b"<collada") => what("a COLLADA scene", EXPORT),
@@ -107,6 +128,15 @@ mod tests {
             (b"ncols 4\nnrows 3\nxllcorner 0\nyllcorner 0\ncellsize 1\n", "a raster of heights"),
             (b"version https://git-lfs.github.com/spec/v1\n", "Git LFS"),
             (b"7z\xBC\xAF\x27\x1C", "a 7z archive"),
+            (b"\0\0\0\x18ftypheic", "a HEIC image"),
+            (b"BM\x8A\0\0\0", "a BMP image"),
+            (b"ISO-10303-21;\nHEADER;\n", "a STEP or IFC model"),
+            (b"$MeshFormat\n4.1 0 8\n", "a mesh of Gmsh"),
+            (b"\xFF\xFE\0\x001\0\0\0", "text in UTF-32"),
+            (
+                b"PK\x03\x04\x14\0\0\0\x08\0\0\0!\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0[Content_Types].xml",
+                "a document of Office",
+            ),
         ] {
             assert_eq!(Format::sniff(bytes), None);
             for format in [Format::Ply, Format::Xyz, Format::Las, Format::Obj] {
@@ -119,7 +149,16 @@ mod tests {
 
     #[test]
     fn no_cloud_is_taken_for_another_file() {
-        for text in ["v 1 2 3\n", "[1] 2 3\n", "0\n1\n2\n", "OFF\n", "solid\nfacet", "1 2 3"] {
+        for text in [
+            "AC 1 2\n",
+            "BM1 1 2 3\n",
+            "v 1 2 3\n",
+            "[1] 2 3\n",
+            "0\n1\n2\n",
+            "OFF\n",
+            "solid\nfacet",
+            "1 2 3",
+        ] {
             assert_eq!(super::told(text.as_bytes()), None, "{text}");
         }
     }

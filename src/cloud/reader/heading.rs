@@ -1,7 +1,7 @@
 //! The lines before the first row of a table: comments, a number of points, names of the columns.
 
 use super::dialect::{CELLS_MAX, Dialect, is_comment};
-use super::text::{Lines, shown};
+use super::text::{Lines, decoded, shown};
 use super::{Format, ReadError, names};
 
 /// Lines that name nothing and may stand before the rows.
@@ -38,7 +38,7 @@ impl<'a> Heading<'a> {
                 continue;
             }
             let dialect = scan.dialect(line);
-            if announced.is_none() && header.is_none() && scan.counts_points(line) {
+            if announced.is_none() && scan.counts_points(line) {
                 announced = lexical_core::parse(line).ok();
                 continue;
             }
@@ -104,12 +104,13 @@ impl<'a> Scan<'a> {
         names::axes(&owned(&self.dialect(line).split(line))).is_some()
     }
 
-    /// Whether a line is the number of points: it stands alone in its line, and the next row has more.
+    /// Whether a line is the number of points: it stands alone in its line, and the next has more, or is a title.
     fn counts_points(&self, line: &[u8]) -> bool {
         let mut ahead = Self { lines: self.lines.clone(), comments: Vec::new(), ..*self };
         let is_alone =
             self.dialect(line).split(line).len() == 1 && lexical_core::parse::<usize>(line).is_ok();
-        is_alone && ahead.next().is_some_and(|next| self.dialect(next).split(next).len() > 1)
+        let is_more = |next| self.dialect(next).split(next).len() > 1 || !self.has_number(next);
+        is_alone && ahead.next().is_some_and(is_more)
     }
 
     /// The heading before the row `line`.
@@ -143,7 +144,8 @@ impl<'a> Scan<'a> {
             });
         }
         let cells = dialect.split(line);
-        if heading.names.is_none() && announced.is_some() {
+        if heading.names.is_none() && announced.is_some() && cells.iter().all(|cell| dialect.is_number(cell))
+        {
             heading.names = scanned(cells.len());
         }
         heading.width = match &heading.names {
@@ -189,11 +191,11 @@ fn owned(cells: &[&[u8]]) -> Vec<String> {
     cells
         .iter()
         .map(|cell| {
-            let name = String::from_utf8_lossy(cell);
+            let name = decoded(cell);
             // What a spreadsheet would take for a formula is written behind an apostrophe.
             match name.strip_prefix('\'') {
                 Some(rest) if rest.starts_with(['=', '+', '-', '@']) => rest.to_owned(),
-                _ => name.into_owned(),
+                _ => name,
             }
         })
         .collect()
@@ -213,6 +215,11 @@ fn names_of(header: &[u8], row: &[u8], rows: Dialect) -> Option<Vec<String>> {
         let ends_empty = names.len() > 1 && names.last().is_some_and(String::is_empty);
         if ends_empty && (names.len() == width + 1 || (names.len() == width && row_ends_empty)) {
             names.pop();
+        }
+        // R writes a name before every row, and none above them.
+        let is_row_named = names.len() + 1 == width && !row_ends_empty && !rows.is_number(cells[0]);
+        if is_row_named && names::axes(&names).is_some() {
+            names.insert(0, "row".to_owned());
         }
         let fits = names.len() == width || (names.len() + 1 == width && row_ends_empty);
         let named = |(place, name): (usize, String)| {

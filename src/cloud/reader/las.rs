@@ -9,9 +9,6 @@
 mod file;
 mod laz;
 
-use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::Relaxed;
-
 use rayon::prelude::*;
 
 use self::file::File;
@@ -110,20 +107,17 @@ impl File<'_> {
 
     /// Which places have anything but 0 in some point.
     fn used(&self, layout: &[Place], records: &[u8]) -> Vec<bool> {
-        // An offset makes a number other than 0 of bytes that are 0.
-        let is_used = |place: &Place| place.scaled.is_some_and(|(_, offset)| offset != 0.0);
-        let used: Vec<AtomicBool> = layout.iter().map(|place| AtomicBool::new(is_used(place))).collect();
-        records.par_chunks(USED_POINTS * self.record).for_each(|part| {
-            for (place, used) in layout.iter().zip(&used) {
-                let range = place.offset..place.offset + place.stored.size();
-                let mask = if place.mask == 0 { u8::MAX } else { place.mask << place.shift };
-                let is_zero = |record: &[u8]| record[range.clone()].iter().all(|&byte| byte & mask == 0);
-                if !used.load(Relaxed) && !part.chunks_exact(self.record).all(is_zero) {
-                    used.store(true, Relaxed);
-                }
-            }
-        });
-        used.into_iter().map(AtomicBool::into_inner).collect()
+        let parts = records.par_chunks(USED_POINTS * self.record).map(|part| bits(part, self.record));
+        let none = || vec![0; self.record];
+        let set = parts.reduce(none, |a, b| a.iter().zip(b).map(|(a, b)| a | b).collect());
+        let is_used = |place: &Place| {
+            // An offset makes a number other than 0 of bytes that are 0.
+            let is_shifted = place.scaled.is_some_and(|(_, offset)| offset != 0.0);
+            let mask = if place.mask == 0 { u8::MAX } else { place.mask << place.shift };
+            let bytes = &set[place.offset..place.offset + place.stored.size()];
+            is_shifted || bytes.iter().any(|&byte| byte & mask != 0)
+        };
+        layout.iter().map(is_used).collect()
     }
 
     /// The attributes of a point, then its extra bytes.
@@ -170,6 +164,23 @@ impl File<'_> {
         }
         Origin { notes, survey: Some(Survey { header: Bytes(self.header.to_vec()), records, extended }) }
     }
+}
+
+/// The bits of a record that are set in some of the records.
+fn bits(records: &[u8], stride: usize) -> Vec<u8> {
+    // Eight records are as many words as one has bytes: the compiler joins several words at once.
+    let mut words = vec![0_u64; stride];
+    let blocks = records.chunks_exact(8 * stride);
+    let rest = blocks.remainder();
+    for block in blocks {
+        for (word, bytes) in words.iter_mut().zip(block.as_chunks::<8>().0) {
+            *word |= u64::from_le_bytes(*bytes);
+        }
+    }
+    let mut bits = vec![0; stride];
+    let bytes = words.iter().flat_map(|word| word.to_le_bytes()).chain(rest.iter().copied());
+    bytes.enumerate().for_each(|(at, byte)| bits[at % stride] |= byte);
+    bits
 }
 
 #[cfg(test)]

@@ -168,6 +168,9 @@ pub fn unpacked_bytes(bytes: &[u8]) -> usize {
     unpacked.unwrap_or(0).min(unpacked_max(bytes.len())).max(bytes.len())
 }
 
+/// How far a packed file is unpacked to see that it is no cloud.
+const FOREIGN_BYTES: usize = 4096;
+
 /// Refuses a compressed file that unpacks to too much, before it does.
 fn check_unpacked(format: Format, packed: usize, unpacked: usize) -> Result<(), ReadError> {
     if unpacked > unpacked_max(packed) {
@@ -179,7 +182,10 @@ fn check_unpacked(format: Format, packed: usize, unpacked: usize) -> Result<(), 
 /// What a file is called that is not a cloud: an HTML page, a picture.
 #[must_use]
 pub fn foreign(bytes: &[u8]) -> Option<ReadError> {
-    foreign::told(bytes).map(|foreign::Foreign { what, advice }| ReadError::Foreign { what, advice })
+    let packed = || foreign::told(&container::head(bytes, FOREIGN_BYTES)?.0);
+    foreign::told(bytes)
+        .or_else(packed)
+        .map(|foreign::Foreign { what, advice }| ReadError::Foreign { what, advice })
 }
 
 /// Reads a whole file; one in gzip, or alone in a zip archive, is unpacked first.
@@ -190,17 +196,20 @@ pub fn read(bytes: &[u8], format: Format, options: &ReadOptions) -> Result<Point
     if bytes.trim_ascii().is_empty() {
         return Err(ReadError::Empty);
     }
+    if let Some(error) = foreign(bytes) {
+        return Err(error);
+    }
     let inner = container::unpacked(bytes, format)?;
     let (packed, bytes) = (bytes, inner.as_ref());
     if bytes.trim_ascii().is_empty() {
         return Err(ReadError::Empty);
     }
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    if let Some(error) = foreign(bytes) {
-        return Err(error);
-    }
     let decoded = if format.is_text() { text::from_utf16(bytes) } else { None };
     let bytes = decoded.as_deref().unwrap_or(bytes);
+    // DOS ended texts by this byte, and some programs of instruments still do.
+    let is_table = matches!(format, Format::Xyz | Format::Csv);
+    let bytes = if is_table { bytes.strip_suffix(b"\x1A").unwrap_or(bytes) } else { bytes };
     // Of those that are packed, the size is known once their headers are read.
     let is_packed = matches!(format, Format::Las | Format::Laz | Format::Pcd | Format::E57);
     let size = bytes.len().max(packed.len());

@@ -4,7 +4,9 @@ use super::columns::axis;
 
 /// Words that stand before or behind the letter of an axis: `POINT_X` of `ArcGIS`, `Points:0` of `ParaView`, `cartesianX`
 /// of E57, `pos_x`.
-const STEMS: [&str; 23] = [
+const STEMS: [&str; 25] = [
+    "points_m_xyz",
+    "field",
     "points",
     "point",
     "positions",
@@ -29,6 +31,8 @@ const STEMS: [&str; 23] = [
     "xyz",
     "p",
 ];
+/// Lengths that stand behind a name without brackets: `X/m`, `x_mm`, `x, ft`.
+const UNITS: [&str; 8] = ["m", "mm", "cm", "km", "ft", "usft", "meter", "meters"];
 const EAST: [&str; 8] = ["easting", "east", "e", "rechtswert", "utm_e", "utm_east", "e_coord", "eastings"];
 const NORTH: [&str; 8] = ["northing", "north", "n", "hochwert", "utm_n", "utm_north", "n_coord", "northings"];
 const LONGITUDE: [&str; 3] = ["longitude", "lon", "lng"];
@@ -62,6 +66,8 @@ pub(super) struct Axes {
 enum Family {
     /// `x`, `y`, `z`, `coordinate_3`…
     Plain,
+    /// The same with a unit behind them.
+    Measured,
     /// A stem of [`STEMS`] and a letter.
     Lettered(&'static str),
     /// A stem of [`STEMS`] and a number from 0.
@@ -127,16 +133,34 @@ fn height(words: &[String], of_column: &[Option<usize>], family: Family) -> Opti
 /// A name in lower case, without quotes, comment marks and a unit in brackets.
 fn plain(name: &str) -> String {
     let name = name.trim().trim_start_matches(['#', '/']).trim().trim_matches('"').trim_matches('\'').trim();
-    let without_unit = match name.rfind(['[', '(', '{']) {
-        Some(start) if start > 0 && name.ends_with([']', ')', '}']) => name[..start].trim_end(),
-        _ => name,
+    let (before, within) = match name.rfind(['[', '(', '{']) {
+        Some(start) if start > 0 && name.ends_with([']', ')', '}']) => {
+            (name[..start].trim_end(), &name[start + 1..name.len() - 1])
+        }
+        _ => (name, ""),
     };
-    without_unit.to_lowercase().replace([' ', '-', '.'], "_")
+    // Of the path of a message in ROS, `field.pose.position.x`, the last two steps.
+    let start = before.rmatch_indices('.').nth(1).map_or(0, |(at, _)| at + 1);
+    let plain = before[start..].to_lowercase().replace([' ', '-', '.'], "_");
+    // `position[0]` is a place and no unit.
+    if matches!(within, "0" | "1" | "2") { format!("{plain}:{within}") } else { plain }
+}
+
+/// The name before a unit, if it has one.
+fn without_unit(word: &str) -> Option<&str> {
+    let (name, unit) = word.rsplit_once(['/', ',', '_'])?;
+    UNITS.contains(&unit).then(|| name.trim_end_matches([',', '_']))
 }
 
 fn family(word: &str) -> Option<(Family, usize)> {
     if let Some(axis) = axis(word) {
         return Some((Family::Plain, axis));
+    }
+    if let Some(named) = without_unit(word) {
+        return family(named).map(|(family, axis)| match family {
+            Family::Plain => (Family::Measured, axis),
+            other => (other, axis),
+        });
     }
     for (names, found) in [
         (EAST.as_slice(), (Family::Grid, 0)),
@@ -181,6 +205,13 @@ mod tests {
             "id,easting,northing,height",
             "id,Easting,Northing,Elevation",
             "id,E,N,H",
+            "id,X/m,Y/m,Z/m",
+            "id,x_mm,y_mm,z_mm",
+            "id,Easting_m,Northing_m,height",
+            "%time,field.point.x,field.point.y,field.point.z",
+            "%time,field.x,field.y,field.z",
+            "id,position[0],position[1],position[2]",
+            "t,Points_m_XYZ:0,Points_m_XYZ:1,Points_m_XYZ:2",
             "id,Rechtswert,Hochwert,Höhe",
             "OBJECTID,POINT_X,POINT_Y,POINT_Z",
             "class,Points:0,Points:1,Points:2",

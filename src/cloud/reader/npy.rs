@@ -63,6 +63,7 @@ impl Header {
             if let Some(axes) = names::axes(&all) {
                 let mut columns = Columns::new(&named, &axes.of_column, &options.limits)?;
                 columns.notes.extend(axes.note);
+                columns.notes.extend(self.left_out());
                 return Ok(columns);
             }
             if !self.begins_with_triple {
@@ -73,15 +74,33 @@ impl Header {
         if dimension > options.limits.dimension_max {
             return Err(ReadError::Dimension { dimension, dimension_max: options.limits.dimension_max });
         }
-        let mut columns = Columns::leading(&named, dimension, &options.limits)?;
+        let mut columns = Columns::leading(&named, dimension, &options.limits).map_err(|error| match error {
+            ReadError::TooManyFields { .. } if !self.has_names && self.rows <= 3 => {
+                let message = format!(
+                    "the array has {} rows of {width} numbers; one of {width} points is to be transposed, as `array.T`",
+                    self.rows
+                );
+                ReadError::byte(FORMAT, 0, message)
+            }
+            error => error,
+        })?;
         let is_ambiguous = options.dimension.is_none() && !self.has_names && width > dimension;
-        if is_ambiguous && width <= crate::cloud::DIMENSION_MAX {
+        if is_ambiguous {
+            let all = if width <= crate::cloud::DIMENSION_MAX {
+                format!("; coordinates={width} takes them all as coordinates")
+            } else {
+                String::new()
+            };
             columns.notes.push(format!(
-                "the array has {width} columns: the first {dimension} are coordinates, the others fields; \
-                 coordinates={width} takes them all as coordinates"
+                "the array has {width} columns: the first {dimension} are coordinates, the others fields{all}"
             ));
         }
+        columns.notes.extend(self.left_out());
         Ok(columns)
+    }
+
+    fn left_out(&self) -> impl Iterator<Item = String> {
+        self.left_out.iter().map(|name| format!("the member `{name}` holds no real numbers and was left out"))
     }
 }
 
@@ -207,8 +226,34 @@ mod tests {
         let body: Vec<u8> = [1.0_f64, 2.0, 3.0, 4.0].iter().flat_map(|x| x.to_le_bytes()).collect();
         let cloud = read(&with_header(header, &body), &ReadOptions::default()).unwrap();
         assert_eq!((cloud.dimension(), cloud.fields()[0].values[0]), (3, 4.0));
+        let header = "{'descr': [('name', '<U1'), ('x', '<f8'), ('y', '<f8'), ('at', '<M8[s]'), ('h', '<f2')], \
+                      'fortran_order': False, 'shape': (1,)}";
+        let texts = [&[0; 4][..], &body[..16], &[0; 10]].concat();
+        let cloud = read(&with_header(header, &texts), &ReadOptions::default()).unwrap();
+        assert_eq!((cloud.coordinates(), cloud.fields().len()), (&[1.0, 2.0][..], 0));
+        let left_out = ["name", "at", "h"]
+            .map(|name| format!("the member `{name}` holds no real numbers and was left out"));
+        assert_eq!(cloud.notes(), left_out);
         let header = "{'descr': [('a', '<f8'), ('b', '<f8')], 'fortran_order': False, 'shape': (2,)}";
         assert!(message(&with_header(header, &body)).contains("the header names a, b"));
+    }
+
+    #[test]
+    fn an_array_of_three_rows_may_be_one_that_is_to_be_transposed() {
+        let message = message(&npy(&[1.0; 300], &[3, 100], npyz::Order::C));
+        assert!(message.contains("as `array.T`"), "{message}");
+        let cloud = read(&npy(&[1.0; 30], &[3, 10], npyz::Order::C), &ReadOptions::default()).unwrap();
+        assert!(cloud.notes()[0].contains("the array has 10 columns"), "{:?}", cloud.notes());
+    }
+
+    #[test]
+    fn integers_that_doubles_round_are_told_of() {
+        let cloud = |large: i64| {
+            let bytes = npy(&[1, 2, 3, large], &[1, 4], npyz::Order::C);
+            read(&bytes, &ReadOptions::default()).unwrap().notes().join("\n")
+        };
+        assert!(cloud((1 << 60) + 1).contains("`column4` has integers of more than 53 bits"));
+        assert!(!cloud(1 << 53).contains("bits"));
     }
 
     #[test]

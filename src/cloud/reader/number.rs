@@ -2,8 +2,8 @@
 
 use super::columns::{Columns, Target};
 use super::ply::{ByteOrder, Place, decode, decode_integers};
-use crate::cloud::ScalarType;
 use crate::cloud::scalar::Stored;
+use crate::cloud::{ScalarField, ScalarType};
 
 /// A number type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,15 +86,34 @@ impl Source<'_> {
     }
 }
 
+/// Integers up to which doubles are exact.
+const EXACT_MAX: f64 = 9_007_199_254_740_992.0;
+
+/// Tells of a field of integers that doubles do not hold.
+pub(super) fn rounded(field: &ScalarField) -> Option<String> {
+    field
+        .values
+        .iter()
+        .any(|x| x.abs() > EXACT_MAX)
+        .then(|| format!("`{}` has integers of more than 53 bits, which were rounded to doubles", field.name))
+}
+
 /// Decodes every column into coordinates and fields, which have room for all values; there is a source per target.
 pub(super) fn fill(columns: &mut Columns, sources: &[Source<'_>]) {
     for (source, target) in sources.iter().zip(&columns.targets) {
+        let is_wide = matches!(source.number, Number::Integer { .. });
         match *target {
             Target::Coordinate(axis) => {
                 let (stride, out) = (columns.dimension, columns.coordinates.as_mut_slice());
                 source.decode(Place { out, stride, offset: axis });
             }
-            Target::Field(field) => source.decode(Place::packed(&mut columns.fields[field].values)),
+            Target::Field(field) => {
+                let field = &mut columns.fields[field];
+                source.decode(Place::packed(&mut field.values));
+                if is_wide {
+                    columns.notes.extend(rounded(field));
+                }
+            }
             Target::Skipped => {}
         }
     }

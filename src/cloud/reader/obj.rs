@@ -38,8 +38,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         let line = Line { text: before_comment(&joined, b'#'), ..line };
         let mut words = line.words();
         match words.next() {
-            Some(b"v") => mesh.vertex(&line)?,
-            Some(b"f" | b"fo") => mesh.face(&line)?,
+            Some(b"v" | b"V") => mesh.vertex(&line)?,
+            Some(b"f" | b"F" | b"fo") => mesh.face(&line)?,
             Some([first, ..]) if first.is_ascii_digit() || matches!(first, b'-' | b'+' | b'.') => {
                 let message = "the line begins with a number; OBJ lines begin with a keyword such as v or f";
                 return Err(ReadError::line(FORMAT, line.number, message));
@@ -52,7 +52,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
 }
 
 fn is_vertex(text: &[u8]) -> bool {
-    matches!(text, [b'v', b' ' | b'\t', ..])
+    matches!(text, [b'v' | b'V', b' ' | b'\t', ..])
 }
 
 /// A line with those that it goes on in: a backslash at its end joins the next one to it.
@@ -311,7 +311,7 @@ mod tests {
 
     #[test]
     fn comments_stand_behind_anything() {
-        let cloud = obj("v 0 0 0 # 1\nv 2 0 0\t# 2\nv 2 1 0\nf 1 2 3 # the face\n").unwrap();
+        let cloud = obj("v 0 0 0 # 1\nv 2 0 0\t# 2\nv 2 1 0# 3\nf 1 2 3 # the face\n").unwrap();
         assert_eq!((cloud.len(), cloud.faces()), (3, &[[0, 1, 2]][..]));
     }
 

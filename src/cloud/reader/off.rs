@@ -34,8 +34,9 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         let message = format!("{points} vertices are announced, {possible} at most can follow");
         return Err(tokens.truncated(message));
     }
-    let columns = read_points(points, variant, &mut tokens, options)?;
+    let mut columns = read_points(points, variant, &mut tokens, options)?;
     let triangles = read_faces(faces, &mut tokens, &columns, options)?;
+    columns.note_lines_behind(tokens.lines, "faces");
     triangles.finish(columns, options)
 }
 

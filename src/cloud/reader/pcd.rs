@@ -275,6 +275,7 @@ impl Header {
             }
             columns.push(&row)?;
         }
+        columns.note_lines_behind(lines, "points");
         columns.settle_types();
         Ok(())
     }
@@ -304,7 +305,7 @@ fn wholes(words: &[&[u8]], what: &str, line: &Line<'_>) -> Result<Vec<usize>, Re
 }
 
 fn data(word: &[u8], line: &Line<'_>) -> Result<Data, ReadError> {
-    match word {
+    match word.to_ascii_lowercase().as_slice() {
         b"ascii" => Ok(Data::Ascii),
         b"binary" => Ok(Data::Binary),
         b"binary_compressed" => Ok(Data::Compressed),

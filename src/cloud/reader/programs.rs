@@ -83,6 +83,48 @@ fn coordinates_are_found_where_the_header_says() {
 }
 
 #[test]
+fn names_of_r_of_windows_and_of_counts_are_read() {
+    // R writes a name before every row and none above them.
+    let cloud = file("\"x\" \"y\" \"z\"\n\"1\" 0.25 0 1\n\"2\" 1.5 0 2\n", Format::Xyz);
+    assert_eq!((cloud.coordinates(), cloud.fields().len()), (&FOUR[..6], 0));
+    let latin = b"Rechtswert;Hochwert;H\xF6he;G\xFCte\n0,25;0;1;7\n1,5;0;2;8\n";
+    let cloud = file(latin, Format::Csv);
+    assert_eq!((cloud.coordinates(), names(&cloud)), (&FOUR[..6], vec!["G\u{fc}te"]));
+    let cloud = file("X Y Z I\n2\n0.25 0 1 7\n1.5 0 2 8\n", Format::Xyz);
+    assert_eq!((cloud.coordinates(), names(&cloud)), (&FOUR[..6], vec!["I"]));
+    // Chemists' XYZ: a count, a title, an element before every position.
+    let cloud = file("2\nwater\nO 0.25 0 1\nH 1.5 0 2\n", Format::Xyz);
+    assert_eq!(cloud.coordinates(), &FOUR[..6]);
+    assert!(cloud.notes().iter().any(|note| note.contains("column 1 holds text")), "{:?}", cloud.notes());
+    assert_eq!(file("0.25 0 1\r\n1.5 0 2\r\n\x1A", Format::Xyz).coordinates(), &FOUR[..6]);
+    assert_eq!(file("0.25D+00 0 1\n.15D+01 0 2\n", Format::Xyz).coordinates(), &FOUR[..6]);
+}
+
+#[test]
+fn what_spreadsheets_and_fortran_write_for_no_number_is_none() {
+    for word in
+        ["#NV", "#DIV/0!", "#WERT!", "<NA>", "n.a.", "******", "1.#QNAN00e+000", "nan(0x8000000000000)"]
+    {
+        let cloud = file(format!("x,y,z,q\n0.25,0,1,{word}\n1.5,0,2,7\n"), Format::Csv);
+        let values = &cloud.fields()[0].values;
+        assert!(values[0].is_nan() && values[1] == 7.0, "{word}");
+    }
+}
+
+#[test]
+fn what_stands_behind_the_last_announced_row_is_told_of() {
+    let pcd = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA ASCII\n";
+    let ply = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    for (header, format) in [(pcd, Format::Pcd), (ply, Format::Ply), ("OFF\n1 0 0\n", Format::Off)] {
+        let cloud = file(format!("{header}1 2 3\n\n"), format);
+        assert!(cloud.notes().is_empty(), "{format}: {:?}", cloud.notes());
+        let cloud = file(format!("{header}1 2 3\n4 5 6\n7 8 9\n"), format);
+        assert_eq!(cloud.len(), 1);
+        assert!(cloud.notes()[0].starts_with("2 lines behind the"), "{format}: {:?}", cloud.notes());
+    }
+}
+
+#[test]
 fn text_of_more_digits_than_floats_have_is_kept_in_doubles() {
     let body = "512000.123 5301000.61 411.76\n512001.5 5301001.5 412\n";
     let pcd = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n";
@@ -135,6 +177,11 @@ fn files_in_gzip_and_alone_in_zip_are_read() {
     }
     let error = read(&zip(&["a.csv", "b.csv"]), Format::Csv, &ReadOptions::default()).unwrap_err();
     assert!(error.to_string().contains("holds 2 files"), "{error}");
+    assert_eq!(Format::of_file(Some("scan.zip"), &zip(&["a.csv", "b.txt"])), Some(Format::Csv));
+    let mut page = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    page.write_all(b"<!DOCTYPE html><html>404").unwrap();
+    let told = super::foreign(&page.finish().unwrap()).unwrap().to_string();
+    assert!(told.contains("an HTML page"), "{told}");
     let bomb = vec![b'0'; 70 << 20];
     let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     packed.write_all(&bomb).unwrap();

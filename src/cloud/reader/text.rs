@@ -99,9 +99,10 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// The text before a comment. Its mark begins a word: `1.#QNAN` is a number.
+/// The text before a comment, which may stand directly behind a word; `1.#QNAN` is a number.
 pub(super) fn before_comment(text: &[u8], mark: u8) -> &[u8] {
-    let begins = |&at: &usize| at == 0 || text[at - 1].is_ascii_whitespace();
+    let is_letter = |at: usize| text.get(at + 1).is_some_and(u8::is_ascii_alphabetic);
+    let begins = |&at: &usize| !(text[..at].ends_with(b"1.") && is_letter(at));
     let end = memchr::memchr_iter(mark, text).find(begins).unwrap_or(text.len());
     text[..end].trim_ascii_end()
 }
@@ -116,27 +117,42 @@ pub(super) fn rows_at_most(bytes: &[u8]) -> usize {
 /// Parses a number, including the spellings of NaN and infinity that C, Python and Windows print: the caller's
 /// policy decides about those.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
-    lexical_core::parse(word).ok().or_else(|| spelled(word))
+    lexical_core::parse(word).ok().or_else(|| spelled(word)).or_else(|| fortran(word))
+}
+
+/// A number in double precision as Fortran writes it, `0.25D+01`: always with a sign, so that no code in hexadecimal is
+/// taken for one.
+fn fortran(word: &[u8]) -> Option<f64> {
+    let at = word.iter().position(|byte| matches!(byte, b'd' | b'D'))?;
+    if !matches!(word.get(at + 1), Some(b'+' | b'-')) || word.len() > 64 {
+        return None;
+    }
+    let mut exponent = word.to_vec();
+    exponent[at] = b'e';
+    lexical_core::parse(&exponent).ok()
 }
 
 fn spelled(word: &[u8]) -> Option<f64> {
     let unsigned = word.strip_prefix(b"-").or_else(|| word.strip_prefix(b"+")).unwrap_or(word);
     let lowercase = unsigned.to_ascii_lowercase();
     let magnitude = match lowercase.as_slice() {
-        b"nan" | b"nan(ind)" | b"nan(snan)" => f64::NAN,
+        b"nan" => f64::NAN,
         b"inf" | b"infinity" => f64::INFINITY,
+        // With what C allows in brackets: `nan(ind)`, `nan(0x8000000000000)`.
+        [b'n', b'a', b'n', b'(', inner @ .., b')'] if inner.iter().all(u8::is_ascii_alphanumeric) => f64::NAN,
         word => microsoft(word)?,
     };
     Some(if word.starts_with(b"-") { -magnitude } else { magnitude })
 }
 
 /// What the C runtime of Windows printed before 2015: `1.#QNAN`, `1.#IND`, `1.#INF`, padded with zeros to the precision
-/// or rounded to it as if the letters were digits (`1.#R`, `1.#J`, `1.#QO`, `1.#IO`). Rounded, infinity may look like
-/// the indefinite NaN: both are taken for NaN.
+/// or rounded to it as if the letters were digits (`1.#R`, `1.#J`, `1.#QO`, `1.#IO`), by `%e` with an exponent of 0. Rounded,
+/// infinity may look like the indefinite NaN: both are taken for NaN.
 fn microsoft(word: &[u8]) -> Option<f64> {
-    let letters = word.strip_prefix(b"1.#")?;
-    let letters = &letters[..letters.iter().take_while(|byte| byte.is_ascii_alphabetic()).count()];
-    let padding = &word[3 + letters.len()..];
+    let word = word.strip_prefix(b"1.#")?;
+    let word = ["e+000", "e+00"].iter().find_map(|e| word.strip_suffix(e.as_bytes())).unwrap_or(word);
+    let letters = &word[..word.iter().take_while(|byte| byte.is_ascii_alphabetic()).count()];
+    let padding = &word[letters.len()..];
     if letters.is_empty() || padding.iter().any(|&byte| byte != b'0') {
         return None;
     }
@@ -173,6 +189,12 @@ pub(super) fn not_a_number(word: &[u8]) -> String {
         return format!("{shown} has a Fortran exponent; write {}", String::from_utf8_lossy(&exponent));
     }
     format!("{shown} is not a number; decimal numbers such as -1.5e-3 are accepted")
+}
+
+/// Text of a file: UTF-8, or else what Windows wrote in Western Europe, of which Latin-1 is all that names need.
+pub(super) fn decoded(bytes: &[u8]) -> String {
+    std::str::from_utf8(bytes)
+        .map_or_else(|_| bytes.iter().map(|&byte| char::from(byte)).collect(), str::to_owned)
 }
 
 /// A word as it is shown in errors: quoted, printable, and no longer than 40 characters.
@@ -232,23 +254,30 @@ mod tests {
             "-1.#IND00",
             "1.#R",
             "-1.#J",
+            "1.#QNAN0e+000",
+            "-1.#IND00e+00",
+            "nan(0x8000000000000)",
         ] {
             assert!(number(word.as_bytes()).is_some_and(f64::is_nan), "{word}");
         }
         assert_eq!(number(b"inf"), Some(f64::INFINITY));
         assert_eq!(number(b"-Infinity"), Some(f64::NEG_INFINITY));
         assert_eq!(number(b"-1.#INF00"), Some(f64::NEG_INFINITY));
+        assert_eq!(number(b"1.#INF00e+000"), Some(f64::INFINITY));
         assert_eq!(number(b"1e999"), Some(f64::INFINITY));
+        assert_eq!(number(b"-0.25D+01"), Some(-2.5));
+        assert_eq!(number(b"25d-01"), Some(2.5));
     }
 
     #[test]
     fn what_is_no_number_is_refused_with_advice() {
         let message = |word: &str| number_at(word.as_bytes(), Format::Xyz, 7).unwrap_err().to_string();
         assert_eq!(message("0,5"), "XYZ, line 7: `0,5` has a decimal comma; write 0.5");
-        assert_eq!(message("1D+02"), "XYZ, line 7: `1D+02` has a Fortran exponent; write 1e+02");
+        assert_eq!(message("1D2"), "XYZ, line 7: `1D2` has a Fortran exponent; write 1e2");
         assert!(message("abc").contains("`abc` is not a number"));
         assert!(message(&"x".repeat(500)).len() < 200);
-        for word in ["", "1.2.3", "0x10", "--1", "1e", "1.#", "1.#QNAN7", "1.#x", "2.#INF"] {
+        for word in ["", "1.2.3", "0x10", "--1", "1e", "1.#", "1.#QNAN7", "1.#x", "2.#INF", "nan(a b)", "1D+"]
+        {
             assert_eq!(number(word.as_bytes()), None, "{word}");
         }
     }
@@ -273,8 +302,10 @@ mod tests {
     }
 
     #[test]
-    fn comments_begin_at_words() {
+    fn comments_begin_behind_anything_but_the_start_of_a_number_that_is_none() {
         assert_eq!(before_comment(b"1 1.#QNAN # note", b'#'), b"1 1.#QNAN");
+        assert_eq!(before_comment(b"v 0 0 0# note", b'#'), b"v 0 0 0");
+        assert_eq!(before_comment(b"v 0 0 1.# 1", b'#'), b"v 0 0 1.");
         assert_eq!(before_comment(b"# note", b'#'), b"");
     }
 

@@ -16,7 +16,7 @@ use crate::cloud::reader::polygons::{Triangles, corner};
 use crate::cloud::reader::{ReadError, ReadOptions};
 
 /// Names of the array of points, the first that is there counts.
-const POINTS: [&str; 12] = [
+const POINTS: [&str; 13] = [
     "points",
     "xyz",
     "vertices",
@@ -27,10 +27,11 @@ const POINTS: [&str; 12] = [
     "point_cloud",
     "pointcloud",
     "pc",
+    "v",
     "data",
     "arr_0",
 ];
-const FACES: [&str; 4] = ["faces", "triangles", "face", "tri"];
+const FACES: [&str; 5] = ["faces", "triangles", "face", "tri", "f"];
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
     let mut archive = open(bytes, FORMAT)?;

@@ -22,6 +22,8 @@ pub(super) struct Member {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Header {
     pub(super) columns: Vec<Member>,
+    /// Members of records that hold no numbers.
+    pub(super) left_out: Vec<String>,
     /// Whether the array is one of records.
     pub(super) has_names: bool,
     /// Whether the first member of the records is three numbers.
@@ -76,6 +78,7 @@ impl Header {
         let has_names = is_record;
         let mut header = Self {
             columns: Vec::new(),
+            left_out: Vec::new(),
             has_names,
             begins_with_triple: false,
             is_fortran,
@@ -90,8 +93,9 @@ impl Header {
                 let member = |index| Member { name: None, number, offset: index * number.size() };
                 header.columns = (0..width).map(member).collect();
             }
-            Kind::Record { members, stride, begins_with_triple } => {
+            Kind::Record { members, left_out, stride, begins_with_triple } => {
                 header.stride = stride;
+                header.left_out = left_out;
                 header.begins_with_triple = begins_with_triple;
                 header.block(bytes)?;
                 header.columns = members;
@@ -132,7 +136,7 @@ impl Header {
 /// What a `descr` says.
 enum Kind {
     Number(Number),
-    Record { members: Vec<Member>, stride: usize, begins_with_triple: bool },
+    Record { members: Vec<Member>, left_out: Vec<String>, stride: usize, begins_with_triple: bool },
 }
 
 impl Kind {
@@ -141,17 +145,19 @@ impl Kind {
             return number(descr).map(Self::Number);
         }
         let mut rest = descr.strip_prefix('[')?.trim_start();
-        let (mut members, mut offset, mut begins_with_triple) = (Vec::new(), 0_usize, false);
+        let (mut members, mut left_out) = (Vec::new(), Vec::new());
+        let (mut offset, mut begins_with_triple) = (0_usize, false);
         while let Some(member) = rest.strip_prefix('(') {
             let name = quoted(member)?;
             let behind = member[name.len() + 2..].trim_start().strip_prefix(',')?.trim_start();
             let descr = quoted(behind)?;
             let behind = behind[descr.len() + 2..].trim_start();
             let (count, behind) = count(behind)?;
-            // Padding is `V`, of any number of bytes.
-            let padding = descr.trim_start_matches(['|', '<', '>', '=']).strip_prefix('V');
-            if let Some(bytes) = padding {
-                offset = offset.checked_add(bytes.parse::<usize>().ok()?.checked_mul(count)?)?;
+            if let Some(bytes) = bytes_of_no_number(descr) {
+                offset = offset.checked_add(bytes.checked_mul(count)?)?;
+                if !name.is_empty() && left_out.len() < MEMBERS_MAX {
+                    left_out.push(name.to_owned());
+                }
             } else {
                 let number = number(descr)?;
                 begins_with_triple |= members.is_empty() && count == 3;
@@ -169,9 +175,24 @@ impl Kind {
         }
         (rest.starts_with(']') && !members.is_empty()).then_some(Self::Record {
             members,
+            left_out,
             stride: offset,
             begins_with_triple,
         })
+    }
+}
+
+/// Bytes of a member that holds no real numbers: padding, text, times, complex and short or long floating numbers.
+fn bytes_of_no_number(descr: &str) -> Option<usize> {
+    let descr = descr.trim_start_matches(['|', '<', '>', '=']);
+    let (letter, size) = descr.split_at_checked(1)?;
+    let bytes = |text: &str| text.parse::<usize>().ok();
+    match letter {
+        "V" | "S" | "a" | "c" => bytes(size),
+        "U" => bytes(size)?.checked_mul(4),
+        "M" | "m" => bytes(size.split('[').next()?),
+        "f" => bytes(size).filter(|bytes| !matches!(bytes, 4 | 8)),
+        _ => None,
     }
 }
 

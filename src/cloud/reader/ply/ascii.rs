@@ -24,6 +24,7 @@ pub(super) fn read(bytes: &[u8], header: &Header, ply: &mut Ply) -> Result<(), R
             }
         }
     }
+    ply.columns.note_lines_behind(lines, "rows");
     Ok(())
 }
 

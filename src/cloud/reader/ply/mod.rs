@@ -20,14 +20,13 @@ pub(in crate::cloud::reader) use decode::{ByteOrder, Place, decode, decode_integ
 
 use self::header::{Element, Encoding, Header, PropertyKind};
 use super::columns::{Column, Columns, Target};
+use super::number::rounded;
 use super::polygons::Triangles;
 use super::{Format, ReadError, ReadOptions};
+use crate::cloud::PointCloud;
 use crate::cloud::writer::{SCALAR_PREFIX, is_plain};
-use crate::cloud::{PointCloud, ScalarField};
 
 const FORMAT: Format = Format::Ply;
-/// Integers up to which doubles are exact.
-const EXACT_MAX: f64 = 9_007_199_254_740_992.0;
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
     let header = Header::parse(bytes)?;
@@ -38,13 +37,8 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     }
     ply.columns.notes.extend(header.left_out());
     let wide = header.wide_fields();
-    let is_beyond =
-        |field: &ScalarField| wide.contains(&field.name) && field.values.iter().any(|x| x.abs() > EXACT_MAX);
-    let rounded = ply.columns.fields.iter().filter(|field| is_beyond(field)).map(|field| {
-        format!("`{}` has integers of more than 53 bits, which were rounded to doubles", field.name)
-    });
-    let rounded: Vec<String> = rounded.collect();
-    ply.columns.notes.extend(rounded);
+    let fields = ply.columns.fields.iter().filter(|field| wide.contains(&field.name));
+    ply.columns.notes.extend(fields.filter_map(rounded));
     ply.triangles.finish(ply.columns, options)
 }
 
