@@ -44,6 +44,7 @@ fn each_within<T>(
             Err(_) => Some((Err(silent(patience)), None)),
         }
     })
+    .fuse()
 }
 
 fn silent(patience: Duration) -> Error {
