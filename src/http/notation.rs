@@ -21,7 +21,7 @@ pub(crate) fn timestamp(milliseconds: Milliseconds) -> String {
 
 /// Names bytes: half of their SHA-256, in hex.
 pub(crate) fn short_digest(bytes: &[u8]) -> String {
-    Sha256::digest(bytes)[..16].iter().map(|byte| format!("{byte:02x}")).collect()
+    Uuid::from_slice(&Sha256::digest(bytes)[..16]).unwrap_or_default().simple().to_string()
 }
 
 /// The time.

@@ -254,14 +254,13 @@ pub(crate) struct Harmonics {
 /// A problem for jobs that built the operator only.
 pub(crate) fn of_eigen(mut job: JobRecord) -> Result<(JobRecord, Spectrum), Problem> {
     let spectrum = job.report.as_mut().and_then(|report| report.spectrum.take());
-    match spectrum {
-        Some(spectrum) => Ok((job, spectrum)),
-        None => {
-            let why = "built the operator only; for bases and spectrum submit {\"kind\": \"eigen\"}";
-            Err(no_result(&job, why))
-        }
-    }
+    let Some(spectrum) = spectrum else {
+        let why = "built the operator only; for bases and spectrum submit {\"kind\": \"eigen\"}";
+        return Err(no_result(&job, why));
+    };
+    Ok((job, spectrum))
 }
+
 /// Refuses jobs that did not keep Q.
 ///
 /// # Errors

@@ -89,9 +89,9 @@ impl From<ArgumentError> for Problem {
                 problem.with("accepted", known)
             }
             ArgumentError::Value { name, accepted, .. } => {
-                Self::invalid(&name, detail).with("accepted", accepted)
+                Self::invalid(name, detail).with("accepted", accepted)
             }
-            ArgumentError::Twice(name) => Self::invalid(&name, detail),
+            ArgumentError::Twice(name) => Self::invalid(name, detail),
         }
     }
 }
