@@ -592,11 +592,11 @@ fn keys_are_added_listed_rotated_and_revoked() {
 #[case("filter nowhere -o f.ply", "there is no directory nowhere")]
 #[case(
     "filter sphere.npy -o f.ply",
-    "sphere.npy is a file; a directory that `chladni analyze sphere.npy -o DIR` fills"
+    "sphere.npy is a file; expected a directory that `chladni analyze sphere.npy -o DIR` fills"
 )]
-#[case("render sphere.npy -o a.svg", "sphere.npy is a file; a directory")]
+#[case("render sphere.npy -o a.svg", "sphere.npy is a file; expected a directory")]
 #[case("filter out -o - --output-format stl", "STL holds triangles")]
-#[case("filter out --cutoff 11 -o f.ply", "up to 10")]
+#[case("filter out --cutoff 11 -o f.ply", "from 0 to 10")]
 #[case("filter out --filter heat -o f.ply", "`time` or `cutoff` is needed")]
 #[case("filter out --field red -o f.ply", "no field `red`")]
 #[case("filter operator -o f.ply", "operator without bases")]

@@ -12,7 +12,8 @@ class Parameters(TypedDict, total=False):
     """Intrinsic dimension of what the points sample: 1 for curves, 2 for surfaces (the default), 3 for volumes."""
     solved_points: int
     """Most points that the eigenproblem is solved on; of larger surfaces an evenly spread part is solved, and the bases
-    are extended to all points."""    t: float
+    are extended to all points."""
+    t: float
     """Time of the heat kernel, in squared units of the cloud."""
     t_factor: float
     """The same as a multiple of the squared covering radius."""

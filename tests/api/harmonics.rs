@@ -416,7 +416,7 @@ async fn a_time_belongs_to_the_distance_that_has_one() {
 async fn wrong_filters_are_refused_by_the_argument_at_fault() {
     let (service, id) = finished().await;
     for (query, parameter, told) in [
-        ("cutoff=21", "cutoff", "up to 20"),
+        ("cutoff=21", "cutoff", "from 0 to 20"),
         ("cutoff=9&by=frequency", "cutoff", "ask for more bases"),
         ("filter=band-pass", "from", "where the band lies"),
         ("filter=band-pass&from=5&to=5", "to", "above `from`"),
