@@ -284,7 +284,9 @@ impl Stars {
             let stars = start..self.len().min(start + BATCH);
             let areas: Vec<f64> = stars.into_par_iter().with_min_len(256).map(of_star).collect();
             // one after the other, whatever the batches and threads
-            areas.into_iter().for_each(|area| sum += area);
+            for area in areas {
+                sum += area;
+            }
         }
         Ok(sum / 3.0)
     }

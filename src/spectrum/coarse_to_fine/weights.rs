@@ -252,7 +252,9 @@ fn weigh(p: &[f64], near: &[u32], points: &[[f64; 3]], plane: &[[f64; 3]; 2], fi
         let sum: f64 = fitted.iter().sum();
         let sound = (sum - 1.0).abs() < DEFECT_MAX && fitted.iter().all(|w| w.abs() < WEIGHT_MAX);
         if sound {
-            fitted.iter_mut().for_each(|weight| *weight /= sum);
+            for weight in fitted {
+                *weight /= sum;
+            }
             return;
         }
     }
@@ -299,7 +301,8 @@ mod tests {
         for c in 0..3 {
             for j in 0..7 {
                 // all of these numbers are whole multiples of 1/4
-                let expected: f32 = (0..5).map(|i| dense[i][c] * x.row(i)[j + 2]).sum();
+                let of_row = |(i, row): (usize, &[f32; 3])| row[c] * x.row(i)[j + 2];
+                let expected: f32 = dense.iter().enumerate().map(of_row).sum();
                 assert_eq!(y.row(c)[j].to_bits(), (expected + 0.0).to_bits(), "{c} {j}");
             }
         }
@@ -320,7 +323,9 @@ mod tests {
             assert!((value - quadratic(&p)).abs() < 1e-7, "{value} {}", quadratic(&p));
         }
         weigh(&points[4], &near, &points, &axes, &mut fitted);
-        assert!(fitted.iter().enumerate().all(|(k, &weight)| weight == if k == 4 { 1.0 } else { 0.0 }));
+        let mut alone = [0.0; CANDIDATES];
+        alone[4] = 1.0;
+        assert_eq!(fitted.map(f64::to_bits), alone.map(f64::to_bits));
         weigh(&[0.2, 0.3, 0.2], &near[..4], &points, &axes, &mut fitted[..4]);
         let sum: f64 = fitted[..4].iter().sum();
         assert!((sum - 1.0).abs() < 1e-12 && fitted[..4].iter().all(|&weight| weight > 0.0));

@@ -82,7 +82,9 @@ pub fn own_gram(x: &Block, progress: &Progress) -> Result<Mat<f64>, Canceled> {
     let nothing = || Mat::<f64>::zeros(x.columns(), x.columns());
     let parts = by_chunks(None, x, progress, nothing, |sum, _, own, _| add_lower(sum, own, own))?;
     let mut total = nothing();
-    parts.into_iter().for_each(|part| total += part);
+    for part in parts {
+        total += part;
+    }
     Ok(symmetric(&total))
 }
 
