@@ -11,6 +11,7 @@ mod memory;
 mod neighborhoods;
 mod parameters;
 mod report;
+mod resolution;
 mod result;
 mod unit;
 
@@ -28,6 +29,7 @@ use admission::{Bases, check_cells, triangles};
 use assembly::{Assembled, Surface, assemble};
 use expected::Doubts;
 use neighborhoods::Neighborhoods;
+use resolution::Resolution;
 use result::NO_PLACE;
 
 use crate::cloud::PointCloud;
@@ -143,11 +145,14 @@ pub fn analyze_by(
     let (operator, place) =
         without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
     let known = |i: usize| Some(place[i]).filter(|&place| place != NO_PLACE);
-    let doubts = match surveyed {
+    let (doubts, resolution) = match surveyed {
         Some(surveyed) if kind == JobKind::Eigen => {
-            Doubts::of(&surveyed, &cells, parameters.operator, known, progress)?
+            let is_corrected = rules.correct_resolution && parameters.operator == OperatorKind::Voronoi;
+            let resolution = is_corrected.then(|| Resolution::of(&points, &surveyed.stars, known, progress));
+            let doubts = Doubts::of(&surveyed, &cells, parameters.operator, known, progress)?;
+            (doubts, resolution.transpose()?)
         }
-        _ => None,
+        _ => (None, None),
     };
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
@@ -184,8 +189,15 @@ pub fn analyze_by(
             progress.checkpoint()?;
             let active: Vec<u32> =
                 (0..points.len() as u32).filter(|&i| place[i as usize] != NO_PLACE).collect();
-            let eigenbasis =
-                eigenpairs(&points, &active, operator, doubts, parameters, &mut report, progress)?;
+            let eigenbasis = eigenpairs(
+                &points,
+                &active,
+                operator,
+                (doubts, resolution),
+                parameters,
+                &mut report,
+                progress,
+            )?;
             (None, Some(eigenbasis))
         }
     };
@@ -197,7 +209,7 @@ fn eigenpairs(
     points: &Points,
     active: &[u32],
     operator: Connected,
-    doubts: Option<Doubts>,
+    (doubts, resolution): (Option<Doubts>, Option<Resolution>),
     parameters: &Parameters,
     report: &mut Report,
     progress: &Progress,
@@ -258,8 +270,9 @@ fn eigenpairs(
         *b = part;
         lambda
     };
-    let lambdas: Vec<f64> = match (times, corrected) {
-        (Some(times), Some(_)) => {
+    let lambdas: Vec<f64> = match (resolution, times, corrected) {
+        (Some(resolution), ..) => resolution.corrected(&raw, &problem.root_mass, row, progress)?,
+        (None, Some(times), Some(_)) => {
             let mut lambdas = bandwidth::corrected(&times, &raw, row, progress)?;
             // where times differ the order of μ need not be that of λ
             lambdas.sort_unstable_by(f64::total_cmp);
