@@ -9,6 +9,7 @@ mod resources;
 mod results;
 mod service;
 mod wait;
+mod waiting_places;
 mod wire;
 
 use std::sync::{Arc, LazyLock};
@@ -40,7 +41,7 @@ use results::offered::Resource;
 use service::Shared;
 use wire::paths::Paths;
 use wire::problem::Kind;
-use wire::{compress, cors, drain, guard, keys, owners, request};
+use wire::{compress, cors, drain, guard, keys, owners, query, request};
 
 /// Every route, and the documents of those in the OpenAPI description.
 fn routes() -> OpenApiRouter<Shared> {
@@ -110,6 +111,7 @@ pub fn router(service: Service) -> Router {
         .layer(middleware::from_fn_with_state(Arc::clone(&service), owners::require_ownership))
         .layer(DefaultBodyLimit::disable())
         .layer(Extension(&DESCRIPTION))
+        .layer(Extension(query::BasesMax(service.limits.bases_max)))
         .layer(CatchPanicLayer::custom(panicked))
         .layer(middleware::from_fn_with_state(keys, keys::require))
         .layer(middleware::from_fn_with_state(guard, guard::admit))
@@ -142,8 +144,16 @@ async fn no_such_method(method: Method, uri: Uri) -> Result<StatusCode, Problem>
     if method == Method::OPTIONS {
         return Ok(StatusCode::NO_CONTENT);
     }
-    let methods = PATHS.methods(uri.path());
-    let told = format!("{} does not support {method}; supported: {}", uri.path(), methods.join(", "));
+    let path = uri.path();
+    // Addresses for one way of using them are not in the document.
+    if let Some(known) =
+        path.strip_suffix('/').filter(|known| PATHS.methods(known).contains(&method.as_str()))
+    {
+        let told = format!("{path} does not support {method}; did you mean {known}?");
+        return Err(Problem::new(Kind::MethodNotAllowed, told).with("near", vec![known.to_owned()]));
+    }
+    let methods = if path.starts_with("/viewer/") { vec!["GET", "HEAD"] } else { PATHS.methods(path) };
+    let told = format!("{path} does not support {method}; supported: {}", methods.join(", "));
     Err(Problem::new(Kind::MethodNotAllowed, told).with("methods", methods))
 }
 

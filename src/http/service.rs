@@ -8,6 +8,7 @@ use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
+use super::waiting_places::WaitingPlaces;
 use super::wire::guard::Hosts;
 use super::wire::keys::Keys;
 use super::wire::memory::MemoryBudget;
@@ -121,6 +122,8 @@ pub struct Service {
     pub(super) limits: Limits,
     /// What bodies and large answers share.
     pub(super) memory: MemoryBudget,
+    /// What those share who wait for jobs.
+    pub(super) waiting: WaitingPlaces,
     /// Origins of pages that may use the service from browsers; `*` is any.
     pub(super) origins: Vec<HeaderValue>,
     /// Names under which it answers where no key is asked for; `None` is any.
@@ -146,8 +149,9 @@ impl Service {
         stopping: CancellationToken,
     ) -> Self {
         let memory = MemoryBudget::new(limits.body_memory_bytes, limits.stall());
+        let waiting = WaitingPlaces::new(limits.connections_max);
         let (origins, hosts) = (Vec::new(), None);
-        Self { store, pools, jobs, limits, memory, origins, hosts, keys, stopping, metrics }
+        Self { store, pools, jobs, limits, memory, waiting, origins, hosts, keys, stopping, metrics }
     }
 
     /// The same, open to pages of these origins (`*` is any), and under these names only where no key is asked for.

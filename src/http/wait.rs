@@ -14,6 +14,7 @@ use crate::store::{JobRecord, JobState};
 
 /// Longest `?wait=`, in seconds.
 pub const WAIT_SECONDS_MAX: u64 = 60;
+
 arguments! {
     /// Waiting for the end of a job.
     #[derive(Debug, Clone, Copy)]
@@ -30,7 +31,8 @@ impl Wait {
     }
 }
 
-/// The job once it has ended, or as it is after `wait`, or when the service stops.
+/// The job once it has ended, or as it is after `wait`, or when the service stops; as it is at once where its owner has no
+/// place left to wait in.
 pub(crate) async fn wait_until_ended(
     service: &Service,
     id: Uuid,
@@ -40,6 +42,8 @@ pub(crate) async fn wait_until_ended(
         return Ok(service.store.job(id).await?);
     }
     let mut job = service.store.follow(id).await?;
+    let owner = job.borrow().owner.clone();
+    let Some(_place) = service.waiting.take(&owner) else { return Ok(service.store.job(id).await?) };
     let is_deleted = tokio::select! {
         ended = job.wait_for(|job| job.state.is_terminal()) => ended.is_err(),
         () = tokio::time::sleep(wait) => false,

@@ -66,16 +66,35 @@ impl Picture {
     /// A point's disc is as large as the distance to the points around it: a cloud has no holes where it is sparse.
     #[must_use]
     pub fn draw(cloud: &PointCloud, paint: &Paint<'_>, marks: &[usize], view: &View) -> Self {
+        let empty = Self { width: 0, height: 0, pixels: Vec::new() };
+        Self::draw_while(cloud, paint, marks, view, || true).unwrap_or(empty)
+    }
+
+    /// The same, for as long as somebody waits for it: `is_wanted` is asked between its stages. `None` when nobody does.
+    #[must_use]
+    pub fn draw_while(
+        cloud: &PointCloud,
+        paint: &Paint<'_>,
+        marks: &[usize],
+        view: &View,
+        is_wanted: impl Fn() -> bool,
+    ) -> Option<Self> {
+        let go_on = || is_wanted().then_some(());
         let camera = Camera::new(cloud, view, OVERSAMPLING);
         let places: Vec<Option<[f32; 3]>> =
             (0..cloud.len()).into_par_iter().map(|row| camera.project(cloud.point(row))).collect();
         let scale = paint.scale();
         let (triangles, is_corner) = triangles::of_cloud(cloud, &places, scale.as_ref());
+        go_on()?;
         let mut raster = Raster::new(camera.width(), camera.height());
         raster.fill(&triangles, scale.as_ref().map(|scale| &scale.map));
+        go_on()?;
         if triangles.is_empty() || is_corner.contains(&false) {
-            raster.splat(&splats(cloud, &camera, &places, &is_corner, scale.as_ref()));
+            let splats = splats(cloud, &camera, &places, &is_corner, scale.as_ref());
+            go_on()?;
+            raster.splat(&splats);
         }
+        go_on()?;
         let mut shade = shading::shade(&raster);
         let radius = (MARK_RADIUS * camera.width().min(camera.height()) as f64).max(3.0) as f32;
         let (ranks, marks): (Vec<usize>, Vec<Splat>) = (1..)
@@ -83,11 +102,12 @@ impl Picture {
             .filter_map(|(rank, &row)| Some((rank, Splat { at: places[row]?, radius, color: color::MARK })))
             .unzip();
         let seen = raster.mark(&marks, &mut shade);
+        go_on()?;
         let mut picture = raster.picture(&shade, OVERSAMPLING, view.background);
         for ((rank, mark), _) in ranks.into_iter().zip(marks).zip(seen).filter(|(_, seen)| *seen) {
             picture.number(rank, mark);
         }
-        picture
+        Some(picture)
     }
 
     /// Writes a mark's number on it.

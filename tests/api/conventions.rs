@@ -1,5 +1,7 @@
 //! What HTTP promises: names of submissions, methods, origins, compression, events.
 
+use std::time::{Duration, Instant};
+
 use reqwest::header::HeaderMap;
 use reqwest::{Method, Response, StatusCode};
 use serde_json::Value;
@@ -198,6 +200,24 @@ async fn events_tell_of_a_job_up_to_its_end() {
         "not-found",
     )
     .await;
+}
+
+#[tokio::test]
+async fn streams_and_waits_of_one_client_leave_places_to_others() {
+    let service = Service::start_with(|settings| settings.connections_max = 6, never_finishing()).await;
+    let submission = service.accept("bases=2", file(&sphere(60), Format::Ply)).await;
+    let id = submission["job"]["id"].as_str().unwrap();
+    let path = format!("/jobs/{id}/events");
+    let mut held = Vec::new();
+    for _ in 0..3 {
+        held.push(service.get(&path).await);
+    }
+    let begun = Instant::now();
+    // Beyond half of the connections a stream ends after what there is to tell, and nobody waits.
+    assert_eq!(events(&service.get(&path).await.text().await.unwrap()).len(), 1);
+    let asked = service.json(&format!("/jobs/{id}?wait=60")).await;
+    assert!(begun.elapsed() < Duration::from_secs(20), "{asked}");
+    drop(held);
 }
 
 #[tokio::test]

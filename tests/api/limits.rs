@@ -100,6 +100,21 @@ async fn more_bases_than_the_limit_are_refused() {
     let refused = problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;
     assert!(detail(&refused).contains('7'), "{refused}");
     service.succeed("bases=7", file(&sphere(100), Format::Ply)).await;
+    // Whatever is wrong with the number, the range that is told is this service's.
+    let stored: Value =
+        service.post("/clouds?analyze=false", file(&sphere(100), Format::Ply)).await.json().await.unwrap();
+    let jobs = format!("/clouds/{}/jobs", stored["cloud"]["id"].as_str().unwrap());
+    for bases in ["0", "-3", "abc", "1e3", "8", "5000"] {
+        let query = service.post(&format!("/clouds?bases={bases}"), lines(&[])).await;
+        let json = service.post(&jobs, format!("{{\"bases\": \"{bases}\"}}")).await;
+        for refused in [query, json] {
+            let refused = problem(refused, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;
+            assert!(detail(&refused).contains("from 1 to 7,"), "{refused}");
+        }
+    }
+    // Nobody asked for more.
+    let few = service.accept("operator=voronoi", file(&sphere(100), Format::Ply)).await;
+    assert_eq!(few["job"]["parameters"]["bases"], 7);
 }
 
 #[tokio::test]

@@ -57,6 +57,14 @@ async fn a_wrong_method_is_refused_with_those_that_are_allowed() {
         assert!(response.headers()["allow"].to_str().unwrap().contains(allowed), "{path}");
         problem(response, StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed").await;
     }
+    let slash =
+        problem(service.get("/clouds/").await, StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed").await;
+    assert!(detail(&slash).ends_with("did you mean /clouds?"), "{slash}");
+    let file = service.client.put(service.url("/viewer/a/b")).send().await.unwrap();
+    let file = problem(file, StatusCode::METHOD_NOT_ALLOWED, "method-not-allowed").await;
+    assert!(detail(&file).ends_with("supported: GET, HEAD"), "{file}");
+    let capitals = problem(service.get("/JOBS").await, StatusCode::NOT_FOUND, "not-found").await;
+    assert!(detail(&capitals).ends_with("did you mean /jobs?"), "{capitals}");
 }
 
 #[tokio::test]

@@ -8,7 +8,8 @@ use serde::Serialize;
 use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::{bases, coefficients, files, image, laplacian, points, similarity, submission};
+use super::submission::{self, JobArguments};
+use super::{bases, coefficients, files, image, laplacian, points, similarity};
 use crate::arguments::{Accepts, Argument, Arguments};
 use crate::cloud::reader::Format;
 use crate::harmonics::FilterKind;
@@ -16,7 +17,7 @@ use crate::http::results::offered::Resource;
 use crate::http::results::request::Query;
 use crate::http::service::{Limits, Shared};
 use crate::http::wire::accept::{JSON, Offer};
-use crate::http::wire::query;
+use crate::http::wire::query::{self, BasesMax};
 use crate::operator::OperatorKind;
 
 /// What the service can do, and how much of it.
@@ -149,7 +150,10 @@ pub(crate) async fn capabilities(State(service): State<Shared>) -> Json<Capabili
             bases: offered(bases::ReadBases::OFFERS),
         },
         operators: OperatorKind::ALL.map(OperatorKind::name).to_vec(),
-        parameters: submission::narrowed(limits.bases_max).iter().map(ParameterView::from).collect(),
+        parameters: query::table_within::<JobArguments>(BasesMax(limits.bases_max))
+            .iter()
+            .map(ParameterView::from)
+            .collect(),
         filters: FilterKind::ALL.map(FilterKind::name).to_vec(),
         results: results(),
         upload_parameters: parameters::<submission::ReadUpload>(),

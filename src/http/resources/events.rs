@@ -15,6 +15,7 @@ use utoipa::ToSchema;
 use super::jobs::JobView;
 use crate::http::notation::{now, parse_id, short_digest};
 use crate::http::service::Shared;
+use crate::http::waiting_places::WaitingPlace;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::JobProblems;
 use crate::http::wire::query::FromQuery;
@@ -41,7 +42,8 @@ pub(crate) struct JobEvent {
 /// A job's state and progress as server-sent events.
 ///
 /// Events are named `progress` until the job ends, then by its final state (`succeeded`, `failed`, `canceled`), and the
-/// stream closes. The data equals `GET /jobs/{id}`. A client that reconnects with `Last-Event-ID` gets only news; 204 if it
+/// stream closes. The data equals `GET /jobs/{id}`. Half of the connections are for the streams and waits of any one key: beyond, a
+/// stream closes after its first event, and `?wait=` answers at once. A client that reconnects with `Last-Event-ID` gets only news; 204 if it
 /// already has the final event.
 #[utoipa::path(
     get,
@@ -71,7 +73,8 @@ pub(crate) async fn events(
     if job.state.is_terminal() && known.as_deref() == Some(name(&job).as_str()) {
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
-    let follow = Follow { service, jobs, known, has_ended: false };
+    let place = service.waiting.take(&job.owner);
+    let follow = Follow { service, jobs, known, has_ended: false, place };
     let stream = stream::unfold(follow, |mut follow| async {
         let event = follow.next().await?;
         Some((Ok::<Event, Infallible>(event), follow))
@@ -90,6 +93,8 @@ struct Follow {
     jobs: watch::Receiver<Arc<JobRecord>>,
     known: Option<String>,
     has_ended: bool,
+    /// Without one the stream ends after its first event, and its client connects again after a while.
+    place: Option<WaitingPlace>,
 }
 
 impl Follow {
@@ -99,8 +104,9 @@ impl Follow {
             let job = Arc::clone(&self.jobs.borrow_and_update());
             let name = name(&job);
             if self.known.as_ref() != Some(&name) {
-                self.has_ended = job.state.is_terminal();
-                let called = if self.has_ended { job.state.name() } else { "progress" };
+                let is_terminal = job.state.is_terminal();
+                self.has_ended = is_terminal || self.place.is_none();
+                let called = if is_terminal { job.state.name() } else { "progress" };
                 let event = Event::default()
                     .id(&name)
                     .event(called)
@@ -108,7 +114,7 @@ impl Follow {
                 self.known = Some(name);
                 return event.json_data(JobView::new(&job, now())).ok();
             }
-            if job.state.is_terminal() {
+            if job.state.is_terminal() || self.place.is_none() {
                 return None;
             }
             tokio::select! {

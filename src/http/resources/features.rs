@@ -114,7 +114,7 @@ pub(crate) async fn features(request: ResultRequest<ReadFeatures>) -> Result<Res
         }
         if offer == PNG {
             let marks: Vec<usize> = found.iter().map(|feature| feature.index).collect();
-            return view::png(&answer.cloud, &Paint::Plain, &marks, &view, "feature points");
+            return view::png(&answer.cloud, &Paint::Plain, &marks, &view, "feature points", wanted);
         }
         let clusters = answer.modes.clusters().iter().copied().filter(|[first, _]| *first < answer.count);
         let answer = Features {

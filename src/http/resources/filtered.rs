@@ -237,7 +237,7 @@ async fn answer<R: Resource>(
         match offer {
             NPY => Ok(npy_file(&columns.iter().map(|column| &column[..]).collect::<Vec<_>>(), kind)),
             JSON => json(head, &target, given.iter().map(|f| f.name.clone()).zip(columns), wanted),
-            PNG => picture(&target.replaced(&cloud, &columns)?, &target, &view, &description),
+            PNG => picture(&target.replaced(&cloud, &columns)?, &target, &view, &description, wanted),
             _ => {
                 let replaced = target.replaced(&cloud, &columns)?;
                 let replaced = if omits { replaced.without_nonfinite()? } else { replaced };
@@ -265,12 +265,18 @@ fn json(
     download::json(&answer, wanted)
 }
 
-fn picture(cloud: &PointCloud, target: &Target, view: &View, description: &str) -> Result<Vec<u8>, Problem> {
+fn picture(
+    cloud: &PointCloud,
+    target: &Target,
+    view: &View,
+    description: &str,
+    wanted: &Wanted,
+) -> Result<Vec<u8>, Problem> {
     let paint = match target {
         Target::Fields(places) => Paint::Sequential(&cloud.fields()[places[0]].values),
         Target::Coordinates => Paint::Plain,
     };
-    view::png(cloud, &paint, &[], view, description)
+    view::png(cloud, &paint, &[], view, description, wanted)
 }
 
 fn file(

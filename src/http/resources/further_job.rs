@@ -14,7 +14,7 @@ use crate::http::wait::preferred_wait;
 use crate::http::wire::body::{IncomingBody, Received};
 use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::problem_sets::{CloudProblems, SubmissionProblems};
-use crate::http::wire::query::{FromQuery, from_json};
+use crate::http::wire::query::{BasesMax, FromQuery, from_json};
 
 /// Memory for examining a cloud, as a multiple of the cloud's.
 const ADMISSION_FACTOR: u64 = 4;
@@ -67,7 +67,7 @@ pub(crate) async fn post_job(
     if let Some(answered) = replayed(&service, &owner, &key, wait).await? {
         return Ok(answered);
     }
-    let asked = job_arguments(&body)?;
+    let asked = job_arguments(&body, BasesMax(service.limits.bases_max))?;
     let lowers = !asked.parameters.is_bases_given;
     let (kind, mut parameters) = asked.checked(service.limits.bases_max)?;
     let cloud = service.store.cloud(id).await?;
@@ -90,7 +90,7 @@ pub(crate) async fn post_job(
     answer(&service, submitted, wait).await
 }
 
-fn job_arguments(bytes: &[u8]) -> Result<JobArguments, Problem> {
+fn job_arguments(bytes: &[u8], bases_max: BasesMax) -> Result<JobArguments, Problem> {
     let malformed = |detail: String| Problem::new(Kind::MalformedRequest, detail);
     if bytes.trim_ascii().is_empty() {
         return Ok(JobArguments::default());
@@ -103,5 +103,5 @@ fn job_arguments(bytes: &[u8]) -> Result<JobArguments, Problem> {
             "the body is not a JSON object; send parameters as in {\"bases\": 50}".to_owned(),
         ));
     };
-    from_json(&object)
+    from_json(&object, bases_max)
 }

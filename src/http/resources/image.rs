@@ -10,6 +10,7 @@ use crate::http::results::view;
 use crate::http::wire::accept::PNG;
 use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::problem_sets::ResultProblems;
+use crate::jobs::Wanted;
 use crate::picture::{Legend, Paint, View, legend_of_basis};
 
 groups! {
@@ -69,9 +70,9 @@ pub(crate) async fn image(
     let values = service.store.basis(job.id, index).await?;
     let title = format!("basis {index} of job {}", job.id);
     let shown = legend_of_basis(index, spectrum.eigenvalues[index]);
-    let draw = move || {
+    let draw = move |wanted: &Wanted| {
         let legend = Legend { title: &shown, unit: "1/length" };
-        view::png_with(&cloud, &Paint::Diverging(&values), &[], &view, (&title, &legend))
+        view::png_with(&cloud, &Paint::Diverging(&values), &[], &view, (&title, &legend), wanted)
     };
-    plan.send(reservation, service.pools.answering.run(draw).await??)
+    plan.send(reservation, service.pools.answering.run_while_wanted(draw).await??)
 }

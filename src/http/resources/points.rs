@@ -111,7 +111,7 @@ pub(crate) async fn points(
     if !is_streamed {
         let encode = move |wanted: &Wanted| match offer {
             JSON => json(&cloud, wanted),
-            PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}")),
+            PNG => view::png(&cloud, &Paint::Plain, &[], &view, &format!("cloud {id}"), wanted),
             _ => cloud_file::encode(&cloud, offer, encoding, &[], wanted),
         };
         return plan.send(reservation, service.pools.answering.run_while_wanted(encode).await??);

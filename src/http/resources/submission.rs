@@ -17,7 +17,7 @@ use super::idempotency::{self, Idempotency, IdempotencyKey};
 use super::jobs;
 use super::jobs::JobView;
 use crate::analysis::{Examined, JobKind, Parameters, Task};
-use crate::arguments::{self, Accepts, Argument, ArgumentError, Arguments, arguments, groups};
+use crate::arguments::{self, Argument, Arguments, arguments, groups};
 use crate::cloud::PointCloud;
 use crate::cloud::reader::{self, Format, ReadOptions, ReadRequest};
 use crate::http::notation::now;
@@ -95,30 +95,19 @@ groups! {
 }
 
 impl JobArguments {
-    /// Kind and parameters, checked as far as that goes without a cloud.
+    /// Kind and parameters, checked as far as that goes without a cloud; a number of bases that nobody named is within what
+    /// the service computes.
     ///
     /// # Errors
     /// A problem that names the parameter and what would be accepted.
     pub(super) fn checked(self, bases_max: usize) -> Result<(JobKind, Parameters), Problem> {
-        let (kind, parameters) = (self.task.kind, self.parameters.parameters);
-        let narrowed = narrowed(bases_max);
-        if let Some(bases) = narrowed.iter().find(|argument| argument.name == "bases")
-            && !bases.accepts.holds(&arguments::Value::Integer(parameters.bases))
-        {
-            return Err(ArgumentError::value(bases, &parameters.bases.to_string()).into());
+        let Chosen { mut parameters, is_bases_given } = self.parameters;
+        if !is_bases_given {
+            parameters.bases = parameters.bases.min(bases_max);
         }
         parameters.check()?;
-        Ok((kind, parameters))
+        Ok((self.task.kind, parameters))
     }
-}
-
-/// The arguments of a job on a service that computes up to `bases_max` bases.
-pub(crate) fn narrowed(bases_max: usize) -> Vec<Argument> {
-    let mut table = JobArguments::table();
-    for argument in table.iter_mut().filter(|argument| argument.name == "bases") {
-        argument.accepts = Accepts::Integer(1, bases_max);
-    }
-    table
 }
 
 /// What is queued on a cloud.

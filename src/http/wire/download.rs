@@ -171,9 +171,14 @@ fn part(bytes: Vec<u8>, span: Range<u64>) -> Body {
 /// Why an answer could not be written: its client has left, which is nobody's fault, or ours.
 pub(crate) fn unwritten(error: &io::Error) -> Problem {
     if error.kind() == io::ErrorKind::ConnectionAborted {
-        return Problem::new(Kind::Unavailable, "the client has disconnected");
+        return abandoned();
     }
     Problem::internal(error)
+}
+
+/// Why an answer was not made to its end.
+pub(crate) fn abandoned() -> Problem {
+    Problem::new(Kind::Unavailable, "the client has disconnected")
 }
 
 /// The JSON of an answer, as long as somebody waits for it.

@@ -160,8 +160,11 @@ pub(crate) async fn require(State(keys): State<Option<Keys>>, mut request: Reque
         .map(|(_, token)| token.trim());
     match token.map(|token| keys.owner_of(token)) {
         Some(Some(owner)) => {
-            request.extensions_mut().insert(owner);
-            next.run(request).await
+            request.extensions_mut().insert(owner.clone());
+            let mut response = next.run(request).await;
+            // For the log.
+            response.extensions_mut().insert(owner);
+            response
         }
         Some(None) => refuse("the key is not accepted; it may have been revoked"),
         None => refuse("send a key as `Authorization: Bearer KEY`"),

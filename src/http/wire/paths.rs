@@ -102,7 +102,7 @@ fn distance(template: &[String], parts: &[&str]) -> Option<usize> {
         if known.contains('{') {
             return Some(0);
         }
-        let edits = strsim::levenshtein(known, given);
+        let edits = strsim::levenshtein(known, &given.to_lowercase());
         let edits_max = if known.len() <= 4 { 1 } else { EDITS_MAX };
         (edits <= edits_max).then_some(edits)
     };

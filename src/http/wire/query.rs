@@ -14,16 +14,32 @@ use crate::arguments::{Absent, Accepts, Argument, ArgumentError, Arguments, Read
 /// Ranges that are narrower for a service than for a program on one's own machine.
 const CEILINGS: [(&str, usize); 2] = [("width", 2048), ("height", 2048)];
 
-/// The arguments of `A`, within what the service accepts.
+/// Most bases that this service computes, as an extension of its requests.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BasesMax(pub usize);
+
+/// The arguments of `A`, within what every service accepts.
 pub(crate) fn table<A: Arguments>() -> Vec<Argument> {
     let mut table = A::table();
-    for argument in &mut table {
-        let ceiling = CEILINGS.iter().find(|(name, _)| *name == argument.name);
-        if let (Accepts::Integer(_, most), Some((_, ceiling))) = (&mut argument.accepts, ceiling) {
-            *most = *ceiling;
-        }
+    for (name, ceiling) in CEILINGS {
+        bound(&mut table, name, ceiling);
     }
     table
+}
+
+/// The arguments of `A`, within what this service accepts.
+pub(crate) fn table_within<A: Arguments>(BasesMax(bases): BasesMax) -> Vec<Argument> {
+    let mut table = table::<A>();
+    bound(&mut table, "bases", bases);
+    table
+}
+
+fn bound(table: &mut [Argument], name: &str, ceiling: usize) {
+    for argument in table.iter_mut().filter(|argument| argument.name == name) {
+        if let Accepts::Integer(_, most) = &mut argument.accepts {
+            *most = ceiling.min(*most);
+        }
+    }
 }
 
 /// The query of a request, every argument known and of the right type.
@@ -38,7 +54,8 @@ impl<A: Arguments, S: Sync> FromRequestParts<S> for FromQuery<A> {
         let Query(pairs) = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri).map_err(|error| {
             Problem::new(Kind::MalformedRequest, format!("the query cannot be read: {error}"))
         })?;
-        let mut reader = Reader::<A>::new(table::<A>());
+        let table = parts.extensions.get().map_or_else(table::<A>, |&bases| table_within::<A>(bases));
+        let mut reader = Reader::<A>::new(table);
         pairs.iter().try_for_each(|(name, text)| reader.read(name, text))?;
         Ok(Self(reader.finish()))
     }
@@ -54,8 +71,8 @@ impl<A: Arguments> IntoParams for FromQuery<A> {
 ///
 /// # Errors
 /// A problem that names the argument and what would be accepted.
-pub(crate) fn from_json<A: Arguments>(object: &Map<String, Json>) -> Result<A, Problem> {
-    let mut reader = Reader::<A>::new(table::<A>());
+pub(crate) fn from_json<A: Arguments>(object: &Map<String, Json>, bases: BasesMax) -> Result<A, Problem> {
+    let mut reader = Reader::<A>::new(table_within::<A>(bases));
     for (name, json) in object {
         let shown = json.to_string();
         let value = match json {
@@ -153,7 +170,7 @@ mod tests {
     use crate::picture::View;
 
     fn read<A: Arguments>(json: &Json) -> Result<A, Problem> {
-        from_json(json.as_object().unwrap())
+        from_json(json.as_object().unwrap(), BasesMax(1000))
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use axum::body::HttpBody;
 use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::middleware::Next;
@@ -9,6 +10,7 @@ use axum::response::Response;
 use uuid::Uuid;
 
 use super::problem::{Kind, Problem};
+use crate::store::Owner;
 
 /// Carries the request's id, both ways.
 pub(crate) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -24,6 +26,7 @@ pub(crate) async fn identify(request: Request, next: Next) -> Response {
     let started = Instant::now();
     let id = chosen_by_client(request.headers()).unwrap_or_else(|| Uuid::now_v7().to_string());
     let method = request.method().clone();
+    let received = request.body().size_hint().exact();
     let path = request.uri().path().to_owned();
     let route = request
         .extensions()
@@ -46,7 +49,10 @@ pub(crate) async fn identify(request: Request, next: Next) -> Response {
     if problem.is_some_and(|problem| problem.kind() == Kind::Interrupted) {
         tracing::info!(%method, route, milliseconds, id, "the client left before its request was whole");
     } else {
-        tracing::info!(%method, route, status = response.status().as_u16(), milliseconds, id, "answered");
+        let status = response.status().as_u16();
+        let owner = response.extensions().get::<Owner>().map(Owner::name).unwrap_or_default();
+        let bytes = response.body().size_hint().exact();
+        tracing::info!(%method, route, status, owner, received, bytes, milliseconds, id, "answered");
     }
     response
 }
