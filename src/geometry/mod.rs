@@ -11,6 +11,7 @@ mod gaps;
 pub mod holes;
 mod layers;
 pub mod metric;
+mod morton;
 pub mod near;
 pub mod neighborhoods;
 pub mod noise;

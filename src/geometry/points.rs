@@ -4,6 +4,7 @@ use std::convert::Infallible;
 
 use rayon::prelude::*;
 
+use super::morton;
 use crate::cloud::PointCloud;
 use crate::progress::Canceled;
 
@@ -124,7 +125,7 @@ impl Points {
         let mut order: Vec<(u64, u32)> = (0..rows)
             .into_par_iter()
             .filter(|&row| cloud.point(row).iter().all(|x| x.is_finite()))
-            .map(|row| (morton_key((0..d).map(|axis| centered(row, axis)), extent, d), row as u32))
+            .map(|row| (morton::key((0..d).map(|axis| centered(row, axis)), extent, d), row as u32))
             .collect();
         check()?;
         let position = |row: u32| (0..d).map(move |axis| centered(row as usize, axis));
@@ -351,21 +352,6 @@ fn squared_distance(p: &[f64], q: &[f64]) -> f64 {
 
 fn difference<'a>(p: &'a [f64], q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
     p.iter().zip(q).map(|(a, b)| a - b)
-}
-
-/// Interleaves the leading `63 / d` bits of the coordinates' places in the bounding cube, most significant first.
-fn morton_key(coordinates: impl Iterator<Item = f64>, extent: f64, d: usize) -> u64 {
-    let bits = 63 / d;
-    let cells = (1_u64 << bits) as f64;
-    let mut key = 0;
-    for (axis, x) in coordinates.enumerate() {
-        let place = if extent > 0.0 { x / extent + 0.5 } else { 0.0 };
-        let cell = ((place * cells) as u64).min((1 << bits) - 1);
-        for bit in 0..bits {
-            key |= (cell >> bit & 1) << (bit * d + axis);
-        }
-    }
-    key
 }
 
 #[cfg(test)]
