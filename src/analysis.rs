@@ -233,9 +233,8 @@ fn check_solution(
 ) -> Result<(), AnalysisError> {
     if solution.solved_points > solved_max {
         report.warnings.push(format!(
-            "the cloud could not be thinned out to {} points, and all of them were solved: it is not a surface in \
-             space, is disconnected, or has too few points for this number of bases",
-            solved_max
+            "the cloud could not be thinned out to {solved_max} points, and all of them were solved: it is not a surface in \
+             space, is disconnected, or has too few points for this number of bases"
         ));
     }
     if solution.method == Method::Prolonged {

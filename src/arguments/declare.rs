@@ -242,7 +242,7 @@ mod tests {
     #[test]
     fn numbers_that_no_caller_may_give_are_found_in_structs_too() {
         assert!(All::default().out_of_range().is_none());
-        let all = |time, taper| All { time, taper, ..All::default() };
+        let all = |time, taper| All { taper, time, ..All::default() };
         assert_eq!(all(Some(0.0), 0.0).out_of_range().unwrap().name, "time");
         assert_eq!(all(Some(1.0), f64::NAN).out_of_range().unwrap().name, "taper");
         assert!(More { from: usize::MAX }.out_of_range().is_none());

@@ -130,7 +130,7 @@ mod tests {
         let first = first_occurrences(&rows, &[1.0, 1.0, 0.0, 0.0]).unwrap();
         let mut values = [1.0, 2.0, f64::NAN, f64::NAN];
         copy_from_first(&mut values, &first);
-        assert_eq!(values, [1.0, 2.0, 1.0, 1.0]);
+        assert_eq!(values.map(f64::to_bits), [1.0, 2.0, 1.0, 1.0].map(f64::to_bits));
     }
 
     #[test]

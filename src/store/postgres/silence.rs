@@ -13,10 +13,11 @@ use sqlx::Error;
 const PATIENCE: Duration = Duration::from_mins(5);
 
 /// The answer, or the error of a connection that timed out.
-pub(in crate::store) async fn answer<T, E: From<Error>>(
+pub(in crate::store) fn answer<T, E: From<Error>>(
     asked: impl Future<Output = Result<T, E>>,
-) -> Result<T, E> {
-    within(PATIENCE, asked).await
+) -> impl Future<Output = Result<T, E>> {
+    // On the heap: statements lie in the midst of whole requests.
+    within(PATIENCE, Box::pin(asked))
 }
 
 /// The same for each of many rows.
