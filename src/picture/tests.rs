@@ -213,3 +213,22 @@ fn clouds_of_every_dimension_are_drawn() {
         assert!(picture.pixels.chunks(4).any(|pixel| pixel[0] < 250), "{dimension}");
     }
 }
+
+#[test]
+fn a_picture_that_nobody_waits_for_is_not_drawn_to_its_end() {
+    let looks = std::cell::Cell::new(0);
+    let draw = |patience: usize| {
+        looks.set(0);
+        let is_wanted = || {
+            looks.set(looks.get() + 1);
+            looks.get() <= patience
+        };
+        Picture::draw_while(&sphere(), &Paint::Plain, &[], &front(), is_wanted)
+    };
+    assert_eq!(draw(usize::MAX), Some(Picture::draw(&sphere(), &Paint::Plain, &[], &front())));
+    let stages = looks.get();
+    for patience in 0..stages {
+        assert_eq!(draw(patience), None);
+        assert_eq!(looks.get(), patience + 1, "it goes on all the same");
+    }
+}

@@ -7,7 +7,7 @@ use chladni::store::{ArrayName, Numbers, Store};
 use futures_util::StreamExt;
 use uuid::Uuid;
 
-use crate::process::Process;
+use crate::process::{Process, sphere};
 use crate::stage::{basis_values, cloud, mass, parameters, report, vitals};
 
 fn status(process: u32, field: &str) -> u64 {
@@ -108,4 +108,22 @@ async fn posted_numbers_take_a_few_times_their_text() {
     let growth = peak(process.id()).saturating_sub(before) as usize;
     println!("{} MiB of JSON posted: resident memory grew by {} MiB", BYTES >> 20, growth >> 20);
     assert!(growth < 5 * BYTES + (64 << 20), "{growth}");
+}
+
+/// What the service reserves for a pixel of a picture (`http/results/view.rs`).
+const PIXEL_BYTES: u64 = 124;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_picture_takes_what_is_reserved_for_it() {
+    const SIDE: u64 = 2048;
+    let directory = tempfile::tempdir().unwrap();
+    let process = Process::start(&directory.path().join("picture.db"));
+    let job = process.submit("bases=4&operator=voronoi", sphere(4_000)).await.unwrap();
+    assert_eq!(process.ended(&job).await["state"], "succeeded");
+    let before = resident(process.id());
+    forget_peak(process.id());
+    let picture = process.bytes(&format!("/jobs/{job}/bases/3/image.png?width={SIDE}&height={SIDE}")).await;
+    let growth = peak(process.id()).saturating_sub(before);
+    println!("{} KiB of picture: resident memory grew by {} MiB", picture.len() >> 10, growth >> 20);
+    assert!(growth < SIDE * SIDE * PIXEL_BYTES + (32 << 20), "{growth}");
 }
