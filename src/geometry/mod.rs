@@ -27,6 +27,7 @@ pub mod stars;
 pub mod strays;
 pub mod survey;
 pub mod triangles;
+mod votes;
 
 pub use cells::{Cells, cells};
 pub use components::{Components, components};

@@ -161,6 +161,23 @@ impl Frames {
         progress.checkpoint()?;
         Ok(turned)
     }
+
+    /// Turns the planes of some points of a surface in space until they have these unit normals. Returns what they were.
+    pub(super) fn turn_to(&mut self, normals: &[(usize, Vector3<f64>)]) -> Vec<[f64; 6]> {
+        normals
+            .iter()
+            .map(|&(i, normal)| {
+                let before = std::array::from_fn(|k| self.tangents[6 * i + k]);
+                turn(&mut self.tangents[6 * i..6 * (i + 1)], normal);
+                before
+            })
+            .collect()
+    }
+
+    /// Puts the plane of point `i` back.
+    pub(super) fn turn_back(&mut self, i: usize, before: &[f64; 6]) {
+        self.tangents[6 * i..6 * (i + 1)].copy_from_slice(before);
+    }
 }
 
 /// Turns a plane in space until it has this unit normal; the axis that is less steep keeps its direction.
