@@ -10,8 +10,8 @@ use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
 use super::guard::PROBES;
+use super::notation::short_digest;
 use super::problem::{Kind, Problem};
-use crate::http::notation::short_digest;
 use crate::store::Owner;
 
 /// Paths answered without a key beside the probes: pages about the service itself.

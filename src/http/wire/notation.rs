@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
-use super::wire::problem::{Kind, Problem};
+use super::problem::{Kind, Problem};
 use crate::store::Milliseconds;
 
 /// An id of a path; what is not a UUID names nothing.
