@@ -81,7 +81,7 @@ enum Command {
     Sample(sample::SampleArgs),
     /// Reproduce the tables and figures of the papers and compare
     Reproduce(reproduce::ReproduceArgs),
-    /// Keep the file of API keys: add, list, rotate, revoke
+    /// Keep the file of API keys: add, list, rotate, rename, revoke
     Keys(keys::KeysArgs),
     /// Copy the database into a new file while the service goes on
     Backup(backup::BackupArgs),

@@ -582,8 +582,14 @@ fn keys_are_added_listed_rotated_and_revoked() {
     }
 }
 
+    succeeded(&chladni(&folder, "keys rename lab laboratory"));
+    let file = fs::read_to_string(folder.path().join("keys")).unwrap();
+    assert_eq!(file, format!("laboratory {other}laboratory was lab\n"));
+    succeeded(&chladni(&folder, "keys rename laboratory lab"));
 #[rstest]
 #[case("render out --basis 10 -o a.png", "bases 0 to 9")]
+        ("keys rename nobody somebody", "no key of `nobody`"),
+        ("keys rename lab lab", "choose another name"),
 #[case("render sphere.npy --basis 1 -o a.png", "sphere.npy is a file")]
 #[case("render sphere.npy --field red -o a.png", "--field red")]
 #[case("render out -o a.gif", "png, svg are possible")]

@@ -24,7 +24,7 @@ pub use paging::PAGE_MAX;
 pub use results::request::JSON_BYTES_MAX;
 pub use wait::WAIT_SECONDS_MAX;
 pub use wire::guard::{Hosts, NoPlace, PROBES};
-pub use wire::keys::{Keys, KeysError};
+pub use wire::keys::{Keys, KeysError, WAS};
 pub use wire::problem::{Problem, ProblemDocument};
 pub use wire::service::{Limits, Pools, Service};
 
