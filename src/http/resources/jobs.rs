@@ -26,7 +26,7 @@ use crate::http::wire::query::FromQuery;
 use crate::http::wire::retry;
 use crate::http::wire::service::Shared;
 use crate::progress::Phase;
-use crate::store::{JobRecord, JobState, Page};
+use crate::store::{JobRecord, JobState, Owner, Page, StoreError};
 
 /// No ETA is given below this fraction of the work.
 const FORESEEABLE_FROM: f64 = 0.02;
@@ -196,8 +196,25 @@ pub(crate) async fn list(
     let Selection { state, cloud } = selection;
     let (cursor, limit) = (paging.cursor, paging.limit as u32);
     let Page { items, next } = service.store.jobs(&owner, state, cloud, cursor, limit).await?;
-    let now = now();
-    Ok(Json(JobPage { jobs: items.iter().map(|job| JobView::new(job, now)).collect(), next }))
+    if let Some(id) = cloud.filter(|_| items.is_empty()) {
+        refuse_job(&service, &owner, id).await?;
+    }
+    Ok(Json(JobPage { jobs: items.iter().map(JobView::new).collect(), next }))
+}
+
+/// The id of a job lists nothing, as a cloud without jobs does: whoever took one for the other is told.
+async fn refuse_job(service: &Shared, owner: &Owner, id: Uuid) -> Result<(), Problem> {
+    if !service.store.owns(owner, id).await? {
+        return Ok(());
+    }
+    match service.store.job(id).await {
+        Ok(job) => {
+            let told = format!("parameter `cloud`: {id} is a job, on the cloud {}", job.cloud_id);
+            Err(Problem::invalid("cloud", told).with("near", vec![format!("/jobs?cloud={}", job.cloud_id)]))
+        }
+        Err(StoreError::NotFound) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// A job: state, progress, parameters as used.
