@@ -22,7 +22,6 @@ use crate::cloud::PointCloud;
 use crate::cloud::reader::{self, Format, ReadOptions, ReadRequest};
 use crate::http::wait::{preferred_wait, wait_until_ended};
 use crate::http::wire::body::IncomingBody;
-use crate::http::wire::notation::now;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::UploadProblems;
 use crate::http::wire::query::FromQuery;
@@ -319,7 +318,7 @@ pub(super) async fn answer(
     };
     let body = Submission {
         cloud: CloudView::load(&service.store, &cloud).await?,
-        job: job.as_ref().map(|job| JobView::new(job, now())),
+        job: job.as_ref().map(JobView::new),
         links,
     };
     let mut response = (status, Json(body)).into_response();

@@ -23,8 +23,3 @@ pub(crate) fn timestamp(milliseconds: Milliseconds) -> String {
 pub(crate) fn short_digest(bytes: &[u8]) -> String {
     Uuid::from_slice(&Sha256::digest(bytes)[..16]).unwrap_or_default().simple().to_string()
 }
-
-/// The time.
-pub(crate) fn now() -> Milliseconds {
-    jiff::Timestamp::now().as_millisecond()
-}
