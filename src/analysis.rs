@@ -16,6 +16,7 @@ mod result;
 mod unit;
 
 pub use admission::{Examined, admit};
+pub use durations::seconds_left;
 pub use error::AnalysisError;
 pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;

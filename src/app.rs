@@ -128,6 +128,8 @@ impl App {
         let store = open_store(&settings).await?;
         if let Some(keys) = &keys {
             keys::adopt(keys, &store).await.map_err(|cause| unusable_database(&settings, cause))?;
+            let told = keys::warn_of_unreachable(keys, &store).await;
+            told.map_err(|cause| unusable_database(&settings, cause))?;
         }
         let stopping = CancellationToken::new();
         let pool = |name, urgency| Compute::with_urgency(name, settings.threads(), urgency);
@@ -190,6 +192,9 @@ impl App {
         }
         accepted.replace(&keys);
         tracing::info!(keys = keys.count(), "the API keys were read again");
+        if let Err(error) = keys::warn_of_unreachable(&keys, &self.store).await {
+            tracing::error!(%error, "whose clouds and jobs have no key could not be read");
+        }
     }
 
     /// Stops in order: no new connections and claims; open answers end and running jobs are given back to the queue,

@@ -81,7 +81,7 @@ enum Command {
     Sample(sample::SampleArgs),
     /// Reproduce the tables and figures of the papers and compare
     Reproduce(reproduce::ReproduceArgs),
-    /// Keep the file of API keys: add, list, rotate, revoke
+    /// Keep the file of API keys: add, list, rotate, rename, revoke
     Keys(keys::KeysArgs),
     /// Copy the database into a new file while the service goes on
     Backup(backup::BackupArgs),
@@ -139,7 +139,8 @@ pub fn main() -> ExitCode {
 pub fn run(arguments: Vec<OsString>) -> u8 {
     let cli = match usage::read(arguments) {
         Ok(cli) => cli,
-        Err(code) => return code,
+        Err(usage::Ended::Told(code)) => return code,
+        Err(usage::Ended::Failed(failure)) => return end(&failure),
     };
     let result = match cli.command {
         Command::Serve(args) => block_on(serve::run(args)),
@@ -166,17 +167,20 @@ pub fn run(arguments: Vec<OsString>) -> u8 {
     };
     match result {
         Ok(()) => 0,
-        Err(failure) => {
-            // A reader that closed its end of a pipe has seen enough.
-            if !matches!(failure, Failure::Signal(SIGPIPE)) {
-                reporting::note(format_args!("chladni: error: {failure}"));
-            }
-            if let Failure::Signal(signal) = failure {
-                interrupt::die_of(signal);
-            }
-            failure.exit_code()
-        }
+        Err(failure) => end(&failure),
     }
+}
+
+/// Says why a command failed; gives the exit code, unless the process is to die of a signal.
+fn end(failure: &Failure) -> u8 {
+    // A reader that closed its end of a pipe has seen enough.
+    if !matches!(failure, Failure::Signal(SIGPIPE)) {
+        reporting::note(format_args!("chladni: error: {failure}"));
+    }
+    if let Failure::Signal(signal) = failure {
+        interrupt::die_of(*signal);
+    }
+    failure.exit_code()
 }
 
 /// As [`block_on`], for commands whose failures may be the caller's.

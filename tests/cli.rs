@@ -428,6 +428,22 @@ fn another_seed_is_another_sample() {
     }
 }
 
+#[test]
+fn a_seed_that_changes_nothing_is_refused() {
+    let folder = tempdir().unwrap();
+    for (seed, refused) in
+        [("--seed 0", true), ("--seed 3", true), ("--seed 3 --noise 0.1", false), ("", false)]
+    {
+        let output = chladni(&folder, &format!("sample torus -n 100 --sampling grid {seed} -o a.npy"));
+        if refused {
+            let (code, line) = failed(&output);
+            assert!(code == 2 && line.contains("--seed changes nothing"), "{line}");
+        } else {
+            succeeded(&output);
+        }
+    }
+}
+
 /// The output of a command that is given `input`.
 fn fed(folder: &TempDir, arguments: &str, input: Vec<u8>) -> Output {
     let mut child = command(folder, arguments)
@@ -566,8 +582,14 @@ fn keys_are_added_listed_rotated_and_revoked() {
     assert!(!listed.contains(key.trim()), "keys are not shown again");
     succeeded(&chladni(&folder, "keys revoke lab --older"));
     assert_eq!(fs::read_to_string(folder.path().join("keys")).unwrap(), format!("lab {other}"));
+    succeeded(&chladni(&folder, "keys rename lab laboratory"));
+    let file = fs::read_to_string(folder.path().join("keys")).unwrap();
+    assert_eq!(file, format!("laboratory {other}laboratory was lab\n"));
+    succeeded(&chladni(&folder, "keys rename laboratory lab"));
     for (arguments, told) in [
         ("keys add lab", "chladni keys rotate lab"),
+        ("keys rename nobody somebody", "no key of `nobody`"),
+        ("keys rename lab lab", "choose another name"),
         ("keys rotate nobody", "no key of `nobody`"),
         ("keys revoke lab", "the last keys"),
         ("keys list --api-keys missing/keys", ""),
@@ -706,6 +728,10 @@ fn output_that_cannot_be_written_breaks_nothing() {
     let (code, line) = failed(&command(&folder, "keys add lab").stdout(full()).output().unwrap());
     assert_eq!((code, line.contains("standard output")), (1, true), "{line}");
     assert!(!folder.path().join("keys").exists(), "a key that nobody has seen is valid");
+    for arguments in ["completions bash", "--help", "sample --help", "--version", ""] {
+        let (code, line) = failed(&command(&folder, arguments).stdout(full()).output().unwrap());
+        assert_eq!((code, line.contains("standard output")), (1, true), "{arguments}: {line}");
+    }
     assert_eq!(to_full("keys list").code(), Some(0), "there is nothing to list");
     assert_eq!(to_full("health http://127.0.0.1:1/livez").code(), Some(1));
 }

@@ -1,4 +1,4 @@
-//! The file of API keys, edited: keys added and revoked by the names of their owners. Comments and order are kept.
+//! The file of API keys, edited: keys added and revoked by the names of their owners, names changed. Comments and order are kept.
 
 use std::fmt::Write as _;
 use std::fs::{self, File, OpenOptions};
@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use rand::TryRngCore;
 use rand::rngs::OsRng;
 use sha2::{Digest, Sha256};
+
+use crate::http::WAS;
 
 /// Random bytes of a key.
 const KEY_BYTES: usize = 32;
@@ -37,6 +39,11 @@ pub enum KeyFileError {
     /// The owner has a key.
     #[error("`{0}` has a key; `chladni keys rotate {0}` adds another one")]
     Known(String),
+    /// Both names of a renaming have keys.
+    #[error(
+        "`{0}` has keys of its own, and would have everything of both; choose another name, or revoke them first"
+    )]
+    Both(String),
     /// Neither a name nor a fingerprint of a key in the file.
     #[error("there is no key of `{0}`; `chladni keys list` shows names and fingerprints")]
     Unknown(String),
@@ -93,14 +100,42 @@ impl KeyFile {
     /// # Errors
     /// [`KeyFileError::Name`], [`KeyFileError::Known`], [`KeyFileError::Random`].
     pub fn add(&mut self, name: &str) -> Result<String, KeyFileError> {
-        let is_plain = |c: char| !c.is_whitespace() && !c.is_control() && c != ',';
-        if name.is_empty() || name.starts_with(['#', '\u{feff}']) || !name.chars().all(is_plain) {
-            return Err(KeyFileError::Name(name.to_owned()));
-        }
+        check_name(name)?;
         if self.has(name) {
             return Err(KeyFileError::Known(name.to_owned()));
         }
+        // What the name will have is its own from now on.
+        self.drop_former(name);
         self.append(name)
+    }
+
+    /// Changes the name of an owner, and notes that what the former name has is the new one's. A name that was changed by
+    /// hand may be noted so afterwards. Tells how many keys have another name now.
+    ///
+    /// # Errors
+    /// [`KeyFileError::Name`], [`KeyFileError::Unknown`], [`KeyFileError::Both`].
+    pub fn rename(&mut self, before: &str, now: &str) -> Result<usize, KeyFileError> {
+        check_name(before)?;
+        check_name(now)?;
+        match (self.has(before), self.has(now)) {
+            (true, true) => return Err(KeyFileError::Both(now.to_owned())),
+            (false, false) => return Err(KeyFileError::Unknown(before.to_owned())),
+            _ => {}
+        }
+        let mut count = 0;
+        for key in self.lines.iter_mut().flat_map(Line::entries) {
+            match key.split_once(char::is_whitespace) {
+                Some((name, rest)) if name == before => {
+                    count += usize::from(is_key(key));
+                    *key = format!("{now} {}", rest.trim_start());
+                }
+                _ => {}
+            }
+        }
+        self.drop_former(now);
+        self.drop_former(before);
+        self.lines.push(Line::Keys(vec![format!("{now} {WAS} {before}")]));
+        Ok(count)
     }
 
     /// Makes another key for an owner; those of before stay.
@@ -133,15 +168,10 @@ impl KeyFile {
             return Err(KeyFileError::Last);
         }
         let mut place = 0;
-        for line in &mut self.lines {
-            if let Line::Keys(keys) = line {
-                keys.retain(|_| {
-                    place += 1;
-                    !meant.contains(&(place - 1))
-                });
-            }
-        }
-        self.lines.retain(|line| !matches!(line, Line::Keys(keys) if keys.is_empty()));
+        self.keep(|key| {
+            place += usize::from(is_key(key));
+            !is_key(key) || !meant.contains(&(place - 1))
+        });
         Ok(meant.len())
     }
 
@@ -180,7 +210,21 @@ impl KeyFile {
             Line::Keys(keys) => Some(keys),
             Line::Other(_) => None,
         });
-        lines.flatten().map(String::as_str)
+        lines.flatten().map(String::as_str).filter(|entry| is_key(entry))
+    }
+
+    /// Drops all entries but those that `is_kept` keeps.
+    fn keep(&mut self, mut is_kept: impl FnMut(&str) -> bool) {
+        self.lines.iter_mut().for_each(|line| match line {
+            Line::Keys(entries) => entries.retain(|entry| is_kept(entry)),
+            Line::Other(_) => {}
+        });
+        self.lines.retain(|line| !matches!(line, Line::Keys(entries) if entries.is_empty()));
+    }
+
+    /// No other name gets what this one has.
+    fn drop_former(&mut self, name: &str) {
+        self.keep(|entry| former(entry) != Some(name));
     }
 
     fn has(&self, name: &str) -> bool {
@@ -194,6 +238,38 @@ impl KeyFile {
         self.lines.push(Line::Keys(vec![format!("{name} {key}")]));
         Ok(key)
     }
+}
+
+impl Line {
+    fn entries(&mut self) -> &mut [String] {
+        match self {
+            Self::Other(_) => &mut [],
+            Self::Keys(entries) => entries,
+        }
+    }
+}
+
+/// # Errors
+/// [`KeyFileError::Name`].
+fn check_name(name: &str) -> Result<(), KeyFileError> {
+    let is_plain = |c: char| !c.is_whitespace() && !c.is_control() && c != ',';
+    if name.is_empty() || name.starts_with(['#', '\u{feff}']) || !name.chars().all(is_plain) {
+        return Err(KeyFileError::Name(name.to_owned()));
+    }
+    Ok(())
+}
+
+/// The name that another one has taken the place of, in an entry that says so.
+fn former(entry: &str) -> Option<&str> {
+    match entry.split_whitespace().collect::<Vec<_>>()[..] {
+        [_, WAS, before] => Some(before),
+        _ => None,
+    }
+}
+
+/// Whether an entry holds a key.
+fn is_key(entry: &str) -> bool {
+    former(entry).is_none()
 }
 
 fn line(text: &str) -> Line {
@@ -278,6 +354,42 @@ mod tests {
             assert!(matches!(file.revoke("lab", false), Err(KeyFileError::Last)));
         });
         assert_eq!(after, "lab new-key\n");
+    }
+
+    #[test]
+    fn a_renamed_owner_keeps_its_keys_and_is_known_under_its_former_name() {
+        let text = "# pipeline\nlab one, lab two\nviewer three\n";
+        let (after, _) = edited(text, |file| {
+            assert_eq!(file.rename("lab", "laboratory").unwrap(), 2);
+            assert!(matches!(file.rename("lab", "attic"), Err(KeyFileError::Unknown(_))));
+            assert!(matches!(file.rename("viewer", "laboratory"), Err(KeyFileError::Both(_))));
+            assert!(matches!(file.rename("viewer", "two words"), Err(KeyFileError::Name(_))));
+            let names: Vec<_> = file.entries().into_iter().map(|entry| entry.name.unwrap()).collect();
+            assert_eq!(names, ["laboratory", "laboratory", "viewer"], "the note is no key");
+        });
+        let renamed = "# pipeline\nlaboratory one, laboratory two\nviewer three\nlaboratory was lab\n";
+        assert_eq!(after, renamed);
+        // once more, back, and of a name that was changed by hand
+        let (after, _) = edited(renamed, |file| assert_eq!(file.rename("laboratory", "attic").unwrap(), 2));
+        let twice = "# pipeline\nattic one, attic two\nviewer three\nattic was lab\nattic was laboratory\n";
+        assert_eq!(after, twice);
+        let (after, _) = edited(renamed, |file| assert_eq!(file.rename("laboratory", "lab").unwrap(), 2));
+        assert_eq!(after, "# pipeline\nlab one, lab two\nviewer three\nlab was laboratory\n");
+        let (after, _) = edited("lab one\n", |file| assert_eq!(file.rename("laboratory", "lab").unwrap(), 0));
+        assert_eq!(after, "lab one\nlab was laboratory\n");
+        for text in [renamed, twice] {
+            assert!(crate::http::Keys::parse(text).is_ok(), "the service reads it");
+        }
+    }
+
+    #[test]
+    fn a_new_owner_of_a_former_name_keeps_what_it_will_have() {
+        let (after, _) = edited("lab one\nlab was attic\n", |file| {
+            assert_eq!(file.revoke("lab", true).unwrap(), 0);
+            file.add("attic").unwrap();
+            assert!(matches!(file.revoke("was", false), Err(KeyFileError::Unknown(_))));
+        });
+        assert!(after.starts_with("lab one\nattic ") && after.lines().count() == 2, "{after}");
     }
 
     #[test]

@@ -5,10 +5,12 @@ use std::path::Path;
 
 use super::{Settings, StartError};
 use crate::http::Keys;
-use crate::store::{Store, StoreError};
+use crate::store::{Owner, Store, StoreError};
 
 /// Bits of a file's mode that let others than its owner and group read it, or others than its owner write it.
 const LOOSE: u32 = 0o027;
+/// Names that a line of the log holds, at most.
+const NAMES_TOLD: usize = 10;
 
 /// The keys of the settings; `None` when none are asked for.
 pub(super) fn read(settings: &Settings) -> Result<Option<Keys>, StartError> {
@@ -35,18 +37,41 @@ pub(super) fn read(settings: &Settings) -> Result<Option<Keys>, StartError> {
     Ok(Some(keys))
 }
 
-/// Gives what keys had before they were named to their names.
+/// Gives what keys had before they were named, or under another name, to their names.
 pub(super) async fn adopt(keys: &Keys, store: &Store) -> Result<(), StoreError> {
-    for (unnamed, named) in keys.adoptions() {
-        let changed = store.adopt(&unnamed, &named).await?;
+    for (before, now) in keys.adoptions() {
+        let changed = store.adopt(&before, &now).await?;
         if changed > 0 {
             tracing::info!(
-                owner = named.name(),
+                owner = now.name(),
+                before = before.name(),
                 records = changed,
-                "a key's name adopted what the key had without it"
+                "a key's name adopted what the key had without it, or under another name"
             );
         }
     }
+    Ok(())
+}
+
+/// Says whose clouds and jobs nobody can reach: a name that was changed in the file is another owner.
+pub(super) async fn warn_of_unreachable(keys: &Keys, store: &Store) -> Result<(), StoreError> {
+    let owners = store.owners().await?;
+    let unreachable: Vec<&str> = owners
+        .iter()
+        .filter(|owner| !keys.has(owner))
+        .map(|owner| if *owner == Owner::nobody() { "(stored without keys)" } else { owner.name() })
+        .collect();
+    if unreachable.is_empty() {
+        return Ok(());
+    }
+    let more = unreachable.len().saturating_sub(NAMES_TOLD);
+    let names = unreachable[..unreachable.len() - more].join(", ");
+    let names = if more == 0 { names } else { format!("{names} and {more} more") };
+    tracing::warn!(
+        owners = names,
+        "clouds and jobs of these names are out of reach, for no key has such a name; `chladni keys rename OLD NEW` gives \
+         what OLD had to the keys of NEW; what was stored without keys is seen without keys only"
+    );
     Ok(())
 }
 

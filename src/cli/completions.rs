@@ -3,6 +3,7 @@
 use clap::CommandFactory;
 use clap_complete::Shell;
 
+use super::output::not_printed;
 use super::{Cli, Failure};
 
 /// Print a script that completes commands and flags.
@@ -16,5 +17,5 @@ pub(crate) struct CompletionsArgs {
 pub(crate) fn run(args: &CompletionsArgs) -> Result<(), Failure> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "chladni", &mut script);
-    std::io::Write::write_all(&mut std::io::stdout().lock(), &script).map_err(Failure::other)
+    std::io::Write::write_all(&mut std::io::stdout().lock(), &script).map_err(|error| not_printed(&error))
 }

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::Failure;
 use super::reporting::{note, print};
 
-/// Keep the file of API keys: add, list, rotate, revoke.
+/// Keep the file of API keys: add, list, rotate, rename, revoke.
 #[derive(Debug, clap::Args)]
 pub(crate) struct KeysArgs {
     /// File of the keys; made when it is not there
@@ -37,6 +37,13 @@ enum Action {
         /// Whose it is
         name: String,
     },
+    /// Give the keys of an owner another name; the service gives what the owner had to that name
+    Rename {
+        /// Whose they are, or were if the name was changed in the file
+        old: String,
+        /// Whose they are to be
+        new: String,
+    },
     /// Take keys out
     Revoke {
         /// Name of an owner, or fingerprint of a key
@@ -58,14 +65,22 @@ pub(crate) fn run(args: &KeysArgs) -> Result<(), Failure> {
         // A key that was not seen must not be valid: it is printed before the file is written.
         Action::Add { name } => print(file.add(name).map_err(failure)?)?,
         Action::Rotate { name } => print(file.rotate(name).map_err(failure)?)?,
+        Action::Rename { old, new } => {
+            let count = file.rename(old, new).map_err(failure)?;
+            note(format_args!("{count} {} renamed; {new} gets what {old} had", keys(count)));
+        }
         Action::Revoke { which, older } => {
             let count = file.revoke(which, *older).map_err(failure)?;
-            note(format_args!("{count} {} revoked", if count == 1 { "key" } else { "keys" }));
+            note(format_args!("{count} {} revoked", keys(count)));
         }
     }
     file.save().map_err(failure)?;
     note("a running service reads the file again at SIGHUP: kill -HUP PID, or systemctl reload chladni");
     Ok(())
+}
+
+fn keys(count: usize) -> &'static str {
+    if count == 1 { "key" } else { "keys" }
 }
 
 fn list(file: &KeyFile, as_json: bool) -> Result<(), Failure> {

@@ -30,9 +30,10 @@ pub(crate) struct SampleArgs {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     noise: f64,
 
-    /// Seed of the random numbers; well spaced samples are shifted or turned by it. The same seed gives the same file
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
+    /// Seed of the random numbers, 0 when not given; well spaced samples are shifted or turned by it. The same seed gives the
+    /// same file
+    #[arg(long)]
+    seed: Option<u64>,
 
     /// Fold of the square along its middle, in degrees
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
@@ -64,6 +65,11 @@ pub(crate) fn run(args: &SampleArgs) -> Result<(), Failure> {
         );
         return Err(Failure::Input(message));
     }
+    if seed.is_some() && sampling == Sampling::Grid && noise == 0.0 {
+        let message = "--seed changes nothing about a grid without noise; leave it out, add --noise, or choose another --sampling";
+        return Err(Failure::Input(message.to_owned()));
+    }
+    let seed = seed.unwrap_or_default();
     let request = SampleRequest { shape, points, sampling, noise, seed, angle };
     let cloud = sample(&request).map_err(Failure::input)?;
     if format == Format::Stl && cloud.faces().is_empty() {

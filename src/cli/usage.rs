@@ -1,12 +1,13 @@
 //! Parses the command line and reports errors with a fix.
 
 use std::ffi::OsString;
-use std::io::{IsTerminal, Write};
+use std::io::{self, IsTerminal, Write};
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{Command, CommandFactory, Error, FromArgMatches};
 
-use super::{Cli, environment};
+use super::output::not_printed;
+use super::{Cli, Failure, environment};
 
 /// Messages of number parsers, and what they mean.
 const PLAIN: [(&str, &str); 4] = [
@@ -16,17 +17,24 @@ const PLAIN: [(&str, &str); 4] = [
     ("number too large to fit in target type", "the number is too large"),
 ];
 
+/// Why there is no command to run.
+pub(super) enum Ended {
+    /// Help was asked for, or the call is wrong, and that has been said; the exit code.
+    Told(u8),
+    /// It could not be said.
+    Failed(Failure),
+}
+
 /// The command that the arguments name.
 ///
 /// # Errors
-/// The exit code, when there is nothing to do: help was asked for, or the call is wrong. It has been said then.
-pub(super) fn read(arguments: Vec<OsString>) -> Result<Cli, u8> {
+/// [`Ended`].
+pub(super) fn read(arguments: Vec<OsString>) -> Result<Cli, Ended> {
     let arguments = completed(arguments);
     // `--bases -3` is a wrong number, not an unknown flag.
     let command = Cli::command().mut_subcommands(|command| command.allow_negative_numbers(true));
     if arguments.len() < 2 {
-        let _ = command.color(clap::ColorChoice::Auto).print_help();
-        return Err(0);
+        return Err(printed(command.color(clap::ColorChoice::Auto).print_help(), 0));
     }
     let command = environment::with_former_names(command);
     let read = command.clone().try_get_matches_from(&arguments);
@@ -49,18 +57,24 @@ fn completed(mut arguments: Vec<OsString>) -> Vec<OsString> {
     arguments
 }
 
-fn tell(error: &Error, command: &Command, arguments: &[OsString]) -> u8 {
+fn printed(printed: io::Result<()>, code: u8) -> Ended {
+    match printed.and_then(|()| io::stdout().flush()) {
+        Ok(()) => Ended::Told(code),
+        Err(error) => Ended::Failed(not_printed(&error)),
+    }
+}
+
+fn tell(error: &Error, command: &Command, arguments: &[OsString]) -> Ended {
     let code = u8::try_from(error.exit_code()).unwrap_or(1);
     if !error.use_stderr() {
-        let _ = error.print();
-        return code;
+        return printed(error.print(), code);
     }
     let rendered = error.render();
-    let colored = std::io::stderr().is_terminal() && environment::colors();
+    let colored = io::stderr().is_terminal() && environment::colors();
     let text = if colored { rendered.ansi().to_string() } else { rendered.to_string() };
     let text = improved(&text) + &of_environment(error, command, arguments).unwrap_or_default();
-    let _ = write!(std::io::stderr().lock(), "{text}");
-    code
+    let _ = write!(io::stderr().lock(), "{text}");
+    Ended::Told(code)
 }
 
 /// The message in plain words, without the tip to pass a misspelt flag as a value.

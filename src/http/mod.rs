@@ -2,14 +2,11 @@
 
 mod examples;
 mod generators;
-mod notation;
 mod openapi;
 mod paging;
 mod resources;
 mod results;
-mod service;
 mod wait;
-mod waiting_places;
 mod wire;
 
 use std::sync::{Arc, LazyLock};
@@ -25,11 +22,11 @@ use utoipa_axum::routes;
 pub use openapi::yaml;
 pub use paging::PAGE_MAX;
 pub use results::request::JSON_BYTES_MAX;
-pub use service::{Limits, Pools, Service};
 pub use wait::WAIT_SECONDS_MAX;
 pub use wire::guard::{Hosts, NoPlace, PROBES};
-pub use wire::keys::{Keys, KeysError};
+pub use wire::keys::{Keys, KeysError, WAS};
 pub use wire::problem::{Problem, ProblemDocument};
+pub use wire::service::{Limits, Pools, Service};
 
 use openapi::Description;
 use resources::{
@@ -38,9 +35,9 @@ use resources::{
     similarity, spectrum, submission, viewer_page,
 };
 use results::offered::Resource;
-use service::Shared;
 use wire::paths::Paths;
 use wire::problem::Kind;
+use wire::service::Shared;
 use wire::{compress, cors, drain, guard, keys, owners, query, request};
 
 /// Every route, and the documents of those in the OpenAPI description.

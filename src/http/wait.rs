@@ -5,10 +5,10 @@ use std::time::Duration;
 use axum::http::{HeaderMap, header};
 use uuid::Uuid;
 
-use super::notation::parse_id;
-use super::service::Service;
+use super::wire::notation::parse_id;
 use super::wire::problem::{Kind, Problem};
 use super::wire::retry;
+use super::wire::service::Service;
 use crate::arguments::arguments;
 use crate::store::{JobRecord, JobState};
 

@@ -33,10 +33,7 @@ impl Engine {
     /// A transaction that writes. The caller runs to its end whatever happens to whoever asked for it.
     pub(super) async fn begin(&self) -> Result<Connection, StoreError> {
         match self {
-            Self::Sqlite(database) => {
-                let connection = database.writer.acquire().await?;
-                Ok(Connection::SqliteWriter(sqlite::Writer::begin(connection).await?))
-            }
+            Self::Sqlite(database) => Ok(Connection::SqliteWriter(database.begin().await?)),
             Self::Postgres(database) => {
                 Ok(Connection::PostgresTransaction(postgres::answer(database.records().begin()).await?))
             }

@@ -30,6 +30,17 @@ impl Owner {
 }
 
 impl Store {
+    /// Whoever has clouds or jobs, in the order of their names.
+    ///
+    /// # Errors
+    /// [`StoreError::Database`].
+    pub async fn owners(&self) -> Result<Vec<Owner>, StoreError> {
+        let mut reader = self.reader().await?;
+        let names = reader.query("SELECT owner FROM clouds UNION SELECT owner FROM jobs ORDER BY owner");
+        let names: Vec<String> = names.scalars().await?;
+        Ok(names.iter().map(|name| Owner::named(name)).collect())
+    }
+
     /// Gives everything of one owner to another, in one transaction, and tells how many clouds and jobs that were.
     ///
     /// Of content that both have, the jobs go to the cloud of the new owner. A job stays with its old cloud where the new

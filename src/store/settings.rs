@@ -25,7 +25,7 @@ pub struct StoreSettings {
     pub disk_floor: u64,
     /// How long a claim holds without a heartbeat, in milliseconds.
     pub lease: Milliseconds,
-    /// How long another process at the same file, such as an administrator's shell, is waited for.
+    /// How long a write waits in all for another process that holds the file's lock, such as an administrator's shell.
     pub busy: Duration,
     /// How this process appears among the nodes of a PostgreSQL database.
     pub node: NodeSettings,

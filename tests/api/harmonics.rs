@@ -464,6 +464,29 @@ async fn rows_without_a_result_stay_and_duplicates_move_with_their_first_occurre
 }
 
 #[tokio::test]
+async fn a_field_with_a_gap_is_filtered_around_it() {
+    const GAP: usize = 7;
+    let service = Service::start().await;
+    let sphere = sphere(POINTS);
+    let mut values: Vec<f64> = (0..POINTS).map(|i| sphere.point(i)[2]).collect();
+    values[GAP] = f64::NAN;
+    let field = ScalarField { name: "heat".to_owned(), kind: ScalarType::Float64, values };
+    let body = file(&sphere.clone().with_fields(vec![field]).unwrap(), Format::Ply);
+    let id = service.succeed(&format!("bases={BASES}&operator=voronoi"), body).await;
+    let json = service.json(&format!("/jobs/{id}/filtered?field=heat&cutoff=4&format=json")).await;
+    let filtered = json["fields"]["heat"].as_array().unwrap();
+    assert_eq!(filtered.iter().filter(|value| value.is_null()).count(), 1);
+    assert!(filtered[GAP].is_null(), "a gap stays a gap");
+    // z is an eigenfunction of the sphere, which modes 0 to 3 hold: but for the gap nothing changes
+    for (i, value) in filtered.iter().enumerate().filter(|(i, _)| *i != GAP) {
+        let (before, after) = (sphere.point(i)[2], value.as_f64().unwrap());
+        assert!((after - before).abs() < 0.05, "{i}: {before} {after}");
+    }
+    let written = read(&get(&service, &format!("/jobs/{id}/filtered.ply?field=heat&cutoff=4")).await);
+    assert!(written.fields()[0].values[GAP].is_nan());
+}
+
+#[tokio::test]
 async fn feature_points_are_rows_of_the_upload_in_json_and_in_ply() {
     let service = Service::start().await;
     let shape = chladni::cloud::shapes::Shape::TwoHoleTorus;

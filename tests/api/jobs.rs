@@ -203,6 +203,23 @@ async fn a_stored_cloud_takes_further_jobs() {
 }
 
 #[tokio::test]
+async fn a_listing_by_the_id_of_a_job_says_so() {
+    let service = Service::that_never_finishes().await;
+    let created: Value =
+        service.post("/clouds?bases=3", file(&sphere(100), Format::Ply)).await.json().await.unwrap();
+    let (cloud, job) = (created["cloud"]["id"].as_str().unwrap(), created["job"]["id"].as_str().unwrap());
+    let listed = async |id: &str| service.get(&format!("/jobs?cloud={id}")).await;
+    let refused = problem(listed(job).await, StatusCode::UNPROCESSABLE_ENTITY, "invalid-parameter").await;
+    let meant = format!("/jobs?cloud={cloud}");
+    assert_eq!((&refused["parameter"], &refused["near"]), (&"cloud".into(), &json!([meant])), "{refused}");
+    let jobs: Value = service.get(&meant).await.json().await.unwrap();
+    assert_eq!(jobs["jobs"].as_array().unwrap().len(), 1);
+    // a cloud without jobs of this state, and an id that is nobody's
+    assert_eq!(service.get(&format!("{meant}&state=failed")).await.status(), StatusCode::OK);
+    assert_eq!(listed(&uuid::Uuid::now_v7().to_string()).await.status(), StatusCode::OK);
+}
+
+#[tokio::test]
 async fn malformed_job_requests_are_refused() {
     let service = Service::that_never_finishes().await;
     let created: Value =

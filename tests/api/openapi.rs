@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::service::Service;
 
-fn document() -> Value {
+pub(crate) fn document() -> Value {
     serde_json::to_value(chladni::http::document()).unwrap()
 }
 
@@ -16,7 +16,7 @@ fn yaml() -> String {
 }
 
 /// Every operation with its method and path.
-fn operations(document: &Value) -> Vec<(String, Value)> {
+pub(crate) fn operations(document: &Value) -> Vec<(String, Value)> {
     let methods = ["get", "put", "post", "delete", "patch", "head"];
     let paths = document["paths"].as_object().unwrap();
     let of_path = |(path, item): (&String, &Value)| {
@@ -337,51 +337,4 @@ fn generators_of_clients_understand_bodies() {
     let form = &document["components"]["schemas"]["CloudForm"];
     assert_eq!(form["properties"]["file"]["format"], "binary");
     assert_eq!(form["required"][0], "file");
-}
-
-/// What version 0.1.0 offered is offered still, and nothing that it did without is required.
-#[test]
-fn nothing_of_the_last_tagged_document_has_vanished() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/api/openapi-0.1.0.json");
-    let tagged: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
-    let document = document();
-    let now: std::collections::BTreeMap<String, Value> = operations(&document).into_iter().collect();
-    let text = |value: &Value| value.as_str().unwrap().to_owned();
-    for (name, before) in tagged["operations"].as_object().unwrap() {
-        // Files under their names have operations of their own now.
-        if name == "get /jobs/{id}/{file}" {
-            continue;
-        }
-        let operation = now.get(name).unwrap_or_else(|| panic!("{name} has vanished"));
-        assert_eq!(operation["operationId"], before["operationId"], "{name}");
-        let parameters: Vec<_> = operation["parameters"].as_array().into_iter().flatten().collect();
-        let known: BTreeSet<_> = parameters.iter().map(|parameter| text(&parameter["name"])).collect();
-        let required = parameters.iter().filter(|parameter| parameter["required"] == true);
-        for parameter in before["parameters"].as_array().unwrap() {
-            assert!(known.contains(&text(parameter)), "{name} has lost {parameter}");
-        }
-        for parameter in required {
-            let was = before["required"].as_array().unwrap().contains(&parameter["name"]);
-            assert!(was, "{name} requires {}", parameter["name"]);
-        }
-        for media_type in before["answers"].as_array().unwrap() {
-            let answers = operation["responses"]["200"]["content"].as_object().unwrap();
-            assert!(answers.contains_key(&text(media_type)), "{name} has lost {media_type}");
-        }
-    }
-    for (name, fields) in tagged["fields"].as_object().unwrap() {
-        let schema = &document["components"]["schemas"][name];
-        let mut now = BTreeSet::new();
-        collect_fields(schema, &mut now);
-        for field in fields.as_array().unwrap() {
-            assert!(now.contains(&text(field)), "{name} has lost {field}");
-        }
-    }
-}
-
-fn collect_fields(schema: &Value, found: &mut BTreeSet<String>) {
-    found.extend(schema["properties"].as_object().into_iter().flatten().map(|(name, _)| name.clone()));
-    for part in ["allOf", "oneOf"].iter().flat_map(|key| schema[*key].as_array().into_iter().flatten()) {
-        collect_fields(part, found);
-    }
 }

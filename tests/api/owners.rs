@@ -255,6 +255,32 @@ async fn a_key_that_is_given_a_name_keeps_what_it_had() {
 }
 
 #[tokio::test]
+async fn a_name_that_was_changed_has_what_it_had() {
+    let directory = tempfile::tempdir().unwrap();
+    let list = directory.path().join("keys");
+    let file = list.clone();
+    std::fs::write(&list, "lab alpha-key\nattic beta-key\n").unwrap();
+    let service = Keyed(Service::with_settings(|settings| settings.api_keys = Some(file)).await);
+    let (_, stored) = service.submit("alpha-key", "analyze=false").await;
+    let path = format!("/clouds/{}", stored["cloud"]["id"].as_str().unwrap());
+    let status = async |key: &str| service.send(key, Method::GET, &path, Vec::new()).await.status();
+    let reread = async |text: &str| {
+        std::fs::write(&list, text).unwrap();
+        service.0.app.reread_keys().await;
+    };
+    reread("laboratory alpha-key\nattic beta-key\n").await;
+    assert_eq!(status("alpha-key").await, StatusCode::NOT_FOUND, "another name is another owner");
+    // who has a key of the former name keeps what it has
+    reread("laboratory alpha-key\nlab beta-key\nlaboratory was lab\n").await;
+    assert_eq!(status("alpha-key").await, StatusCode::NOT_FOUND, "that list changes nothing");
+    reread("laboratory alpha-key\nattic beta-key\nlaboratory was lab\n").await;
+    assert_eq!(
+        [status("alpha-key").await, status("beta-key").await],
+        [StatusCode::OK, StatusCode::NOT_FOUND]
+    );
+}
+
+#[tokio::test]
 async fn keys_are_read_again_while_the_service_runs() {
     let directory = tempfile::tempdir().unwrap();
     let list = directory.path().join("keys");

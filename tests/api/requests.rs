@@ -46,6 +46,27 @@ async fn unknown_paths_and_ids_are_not_found() {
 }
 
 #[tokio::test]
+async fn paths_of_other_services_are_answered_with_those_of_this_one() {
+    let service = Service::start().await;
+    for (path, meant) in [
+        ("/healthz", "/livez"),
+        ("/health", "/readyz"),
+        ("/ready", "/readyz"),
+        ("/api", "/docs"),
+        ("/api/v1/clouds", "/clouds"),
+        ("/v1/jobs", "/jobs"),
+        ("/openapi", "/openapi.json"),
+        ("/swagger", "/docs"),
+    ] {
+        let refused = problem(service.get(path).await, StatusCode::NOT_FOUND, "not-found").await;
+        assert!(detail(&refused).contains(&format!(" {meant}")), "{path}: {refused}");
+        for near in refused["near"].as_array().unwrap() {
+            assert_eq!(service.get(near.as_str().unwrap()).await.status(), StatusCode::OK, "{path}: {near}");
+        }
+    }
+}
+
+#[tokio::test]
 async fn a_wrong_method_is_refused_with_those_that_are_allowed() {
     let service = Service::start().await;
     for (method, path, allowed) in [

@@ -1,7 +1,7 @@
 //! What survives a crash, and what the file refuses.
 
 use std::os::unix::fs::PermissionsExt;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use chladni::store::{ArrayName, JobState, Numbers, Owner, Store, StoreError};
 use futures_util::poll;
@@ -219,6 +219,34 @@ async fn another_process_that_holds_the_write_lock_for_long_makes_writers_busy_a
     assert_eq!(store.job(job).await.unwrap().state, JobState::Queued);
     sqlx::query("ROLLBACK").execute(&mut writer).await.unwrap();
     assert_eq!(store.request_cancel(job).await.unwrap().state, JobState::Canceled);
+}
+
+#[tokio::test]
+async fn writes_that_wait_behind_each_other_for_a_locked_file_are_refused_at_once() {
+    const WRITES: usize = 20;
+    let busy = Duration::from_secs(1);
+    let stage = Stage::new();
+    let store = stage.open_with(|settings| settings.busy = busy).await;
+    let job = submit(&store, &cloud(5, 1), 2).await.id;
+    let mut writer = stage.file().await;
+    sqlx::query("BEGIN EXCLUSIVE").execute(&mut writer).await.unwrap();
+    let began = Instant::now();
+    let waiting = (0..WRITES).map(|_| store.request_cancel(job));
+    let answers = futures_util::future::join_all(waiting).await;
+    assert!(answers.iter().all(|answer| matches!(answer, Err(StoreError::Busy))), "{answers:?}");
+    let elapsed = began.elapsed();
+    assert!(
+        elapsed >= busy && elapsed < 5 * busy,
+        "one after the other they take {WRITES} times as long: {elapsed:?}"
+    );
+    // a lock that is released in time is waited for, by all
+    let waiting = (0..WRITES).map(|_| store.request_cancel(job));
+    let released = async {
+        tokio::time::sleep(busy / 4).await;
+        sqlx::query("ROLLBACK").execute(&mut writer).await.unwrap();
+    };
+    let (answers, ()) = tokio::join!(futures_util::future::join_all(waiting), released);
+    assert!(answers.iter().all(Result::is_ok), "{answers:?}");
 }
 
 #[tokio::test]

@@ -190,6 +190,49 @@ async fn a_file_that_may_not_grow_takes_again_what_fits_once_something_was_delet
     stage.assert_sound().await;
 }
 
+/// Fills the file up to its last pages, with clouds that get smaller. Gives what was stored.
+async fn fill_up(store: &Store) -> Vec<Uuid> {
+    let mut stored = Vec::new();
+    for points in [LARGE, 2_000, 100, 5] {
+        loop {
+            match store.submit(&cloud(points, 10_000 + stored.len() as u32), None).await {
+                Ok(submitted) => stored.push(submitted.cloud.id),
+                Err(StoreError::StorageFull) => break,
+                Err(other) => panic!("{other}"),
+            }
+        }
+    }
+    stored
+}
+
+#[tokio::test]
+async fn a_file_that_may_not_grow_ends_nothing_for_good_whatever_is_being_written() {
+    let stage = Stage::new();
+    let store = stage.open_with(|settings| settings.file_bytes_max = 4 << 20).await;
+    for (round, deed) in (0..).zip(DEEDS) {
+        let scene = Scene::set(&store, round).await;
+        let stored = fill_up(&store).await;
+        // What changes a row in place needs no page, and is done also in a full file.
+        let needs_room = matches!(deed, Deed::Upload | Deed::Result);
+        for _ in 0..2 {
+            let done = scene.act(&store, deed).await;
+            let is_refused = matches!(done, Err(StoreError::StorageFull));
+            assert!(if needs_room { is_refused } else { done.is_ok() }, "{deed:?}: {done:?}");
+        }
+        assert!(store.job(scene.waiting).await.is_ok(), "what is there is read");
+        for cloud in stored {
+            store.delete_cloud(cloud).await.unwrap();
+        }
+        store.probe().await.unwrap();
+        if needs_room {
+            scene.act(&store, deed).await.unwrap();
+        }
+        scene.end(&store).await;
+        assert!(std::fs::metadata(stage.path()).unwrap().len() <= 4 << 20, "{deed:?}");
+    }
+    stage.assert_sound().await;
+}
+
 #[tokio::test]
 async fn free_pages_of_the_file_are_room_on_a_disk_that_is_nearly_full() {
     const FLOOR: u64 = 12 << 20;

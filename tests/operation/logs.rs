@@ -1,5 +1,7 @@
 //! What the log tells, and what it keeps to itself.
 
+use std::path::Path;
+
 use reqwest::StatusCode;
 use serde_json::Value;
 
@@ -63,4 +65,43 @@ async fn a_log_in_json_joins_requests_and_jobs_and_shows_no_key_no_path_and_no_c
     assert!(
         told("answered").iter().any(|event| event["id"] == "join-me" && event["route"] == "/clouds/{id}")
     );
+}
+
+/// Names of owners in the log that have no key, at every start that said so.
+fn unreachable(log: &Path) -> Vec<String> {
+    let log = std::fs::read_to_string(log).unwrap();
+    let events = log.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let told = events.filter(|event| {
+        event["message"].as_str().is_some_and(|message| message.contains("chladni keys rename OLD NEW"))
+    });
+    told.map(|event| event["owners"].as_str().unwrap().to_owned()).collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_start_names_whose_data_has_no_key() {
+    let directory = tempfile::tempdir().unwrap();
+    let database = directory.path().join("renamed.db");
+    let start = |keys: &str| {
+        let environment = [("CHLADNI_KEYS", keys), ("CHLADNI_LOG_FORMAT", "json")];
+        Process::with(&database, &[], &environment)
+    };
+    for key in ["lab correct-horse-battery", "attic purple-monkey-dishwasher"] {
+        let mut process = start(key);
+        let upload = process.client.post(format!("{}/clouds?analyze=false", process.address));
+        let upload = upload.bearer_auth(key.split(' ').nth(1).unwrap()).body(sphere(60));
+        assert_eq!(upload.send().await.unwrap().status(), StatusCode::CREATED);
+        process.kill();
+    }
+    let log = database.with_extension("log");
+    assert_eq!(unreachable(&log), ["lab"], "the second start finds what the first one stored");
+    for (keys, told) in [
+        ("laboratory correct-horse-battery", Some("attic, lab")),
+        ("lab correct-horse-battery, attic purple-monkey-dishwasher", None),
+        ("laboratory correct-horse-battery, laboratory was lab", Some("attic")),
+        ("laboratory correct-horse-battery, laboratory was attic", None),
+    ] {
+        let before = unreachable(&log).len();
+        start(keys).kill();
+        assert_eq!(unreachable(&log)[before..].first().map(String::as_str), told, "{keys}");
+    }
 }

@@ -160,10 +160,12 @@ fn read_points(
     for point in 0..points {
         row.clear();
         let width = columns.as_ref().map(|columns| columns.targets.len());
+        let mut begun = None;
         let fields_max = options.limits.fields_max;
         loop {
             let word = tokens.next(|| format!("vertex {point} of {points}"))?;
             row.push(number_at(word, FORMAT, tokens.number())?);
+            let line = *begun.get_or_insert(tokens.number());
             let is_line_end = tokens.rest.is_empty();
             if row.len() > fields_max.saturating_add(3) {
                 return Err(ReadError::TooManyFields { fields: row.len() - 3, fields_max });
@@ -176,14 +178,14 @@ fn read_points(
             if is_whole && (is_line_end || width.is_none()) {
                 break;
             }
-            if is_whole {
+            // The first one ended where a line ended with all coordinates, and so do the others: one that is short would
+            // take the numbers that it lacks from the next.
+            let is_short = is_line_end && row.len() >= 3;
+            if let (true, Some(width)) = (is_whole || is_short, width) {
                 let more = tokens.rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
-                let message = format!(
-                    "vertex {point} has {} numbers, those before it have {}",
-                    row.len() + more,
-                    row.len()
-                );
-                return Err(ReadError::line(FORMAT, tokens.number(), message));
+                let found = row.len() + more;
+                let message = format!("vertex {point} has {found} numbers, those before it have {width}");
+                return Err(ReadError::line(FORMAT, line, message));
             }
         }
         if columns.is_none() {
@@ -317,6 +319,20 @@ mod tests {
         assert_eq!((cloud.len(), cloud.faces()), (4, &[[0, 1, 2], [0, 2, 3]][..]));
         let error = off("OFF\n2 0 0\n0 0 0\n1 1 1 9 9 9\n").unwrap_err().to_string();
         assert!(error.contains("vertex 1 has 6 numbers, those before it have 3"), "{error}");
+    }
+
+    #[test]
+    fn a_vertex_that_is_short_or_long_is_refused_by_its_line() {
+        for (text, told) in [
+            (
+                "OFF\n4 0 0\n0 0 0 9 9 9\n1 1 1\n2 2 2\n3 3 3 9 9 9\n4 4 4 9 9 9\n",
+                "4: vertex 1 has 3 numbers, those before it have 6",
+            ),
+            ("OFF\n3 0 0\n0 0 0\n1 1 1 9\n2 2 2\n", "4: vertex 1 has 4 numbers, those before it have 3"),
+            ("OFF\n3 0 0\n0 0 0\n1 1\n2 2 2\n3 3 3\n", "4: vertex 1 has 5 numbers, those before it have 3"),
+        ] {
+            assert_eq!(off(text).unwrap_err().to_string(), format!("OFF, line {told}"));
+        }
     }
 
     #[test]

@@ -204,6 +204,43 @@ fn an_archive_of_arrays_is_a_cloud_as_we_write_it() {
 }
 
 #[test]
+fn an_archive_of_vectors_x_y_and_z_is_a_cloud() {
+    use npyz::WriterBuilder;
+    let archive = |vectors: &[(&str, &[u64], &[f32])]| {
+        let mut bytes = Vec::new();
+        let mut archive = npyz::npz::NpzWriter::new(std::io::Cursor::new(&mut bytes));
+        for (name, shape, values) in vectors {
+            let array = archive.array(name, npyz::zip::write::FileOptions::default()).unwrap();
+            let mut array = array.default_dtype().shape(shape).begin_nd().unwrap();
+            array.extend(values.iter().copied()).unwrap();
+            array.finish().unwrap();
+        }
+        drop(archive);
+        bytes
+    };
+    let (x, y, z) = (
+        ("X", &[2][..], &[1.0, 4.0][..]),
+        ("y", &[2][..], &[2.0, 5.0][..]),
+        ("z", &[2][..], &[3.0, 6.0][..]),
+    );
+    let intensity = ("intensity", &[2][..], &[7.0, 8.0][..]);
+    let bytes = archive(&[z, intensity, x, y]);
+    let format = Format::of_file(None, &bytes).unwrap();
+    let cloud = file(&bytes, format);
+    assert_eq!(cloud.coordinates(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    assert_eq!(cloud.coordinate_type(), crate::cloud::ScalarType::Float32);
+    assert_eq!((names(&cloud), &cloud.fields()[0].values[..]), (vec!["intensity"], &[7.0, 8.0][..]));
+    let refused = |vectors: &[(&str, &[u64], &[f32])]| {
+        read(&archive(vectors), format, &ReadOptions::default()).unwrap_err().to_string()
+    };
+    let short = refused(&[x, y, ("z", &[1], &[3.0])]);
+    assert!(short.contains("vectors of one length") && short.contains("2×1, 2×1, 1×1"), "{short}");
+    let grid = refused(&[x, y, ("z", &[2, 2], &[3.0; 4])]);
+    assert!(grid.contains("ravel()") && grid.contains("2×2"), "{grid}");
+    assert!(refused(&[x, y]).contains("no array `points` and no vectors `x`, `y` and `z`; it has X, y"));
+}
+
+#[test]
 fn a_pcd_with_padding_of_no_values_is_read() {
     let header = "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z _ i _ ring _\nSIZE 4 4 4 1 4 1 1 1\n\
         TYPE F F F U F U U U\nCOUNT 1 1 1 4 1 0 1 3\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA binary\n";

@@ -15,9 +15,9 @@ use crate::cloud::reader::Format;
 use crate::harmonics::FilterKind;
 use crate::http::results::offered::Resource;
 use crate::http::results::request::Query;
-use crate::http::service::{Limits, Shared};
 use crate::http::wire::accept::{JSON, Offer};
 use crate::http::wire::query::{self, BasesMax};
+use crate::http::wire::service::{Limits, Shared};
 use crate::operator::OperatorKind;
 
 /// What the service can do, and how much of it.

@@ -9,13 +9,13 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use crate::geometry::Sampling;
-use crate::http::notation::{parse_id, timestamp};
 use crate::http::paging::Paging;
-use crate::http::service::Shared;
+use crate::http::wire::notation::{parse_id, timestamp};
 use crate::http::wire::owners;
 use crate::http::wire::problem::{Problem, ProblemDocument};
 use crate::http::wire::problem_sets::{CloudProblems, QueryProblem};
 use crate::http::wire::query::FromQuery;
+use crate::http::wire::service::Shared;
 use crate::store::{CloudRecord, FieldRecord, JobState, Page, Store};
 
 /// What is known of a cloud from its upload alone.

@@ -13,13 +13,13 @@ use tokio::sync::watch;
 use utoipa::ToSchema;
 
 use super::jobs::JobView;
-use crate::http::notation::{now, parse_id, short_digest};
-use crate::http::service::Shared;
-use crate::http::waiting_places::WaitingPlace;
+use crate::http::wire::notation::{parse_id, short_digest};
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::JobProblems;
 use crate::http::wire::query::FromQuery;
 use crate::http::wire::retry;
+use crate::http::wire::service::Shared;
+use crate::http::wire::waiting_places::WaitingPlace;
 use crate::store::JobRecord;
 
 /// Pause after which a comment shows that the connection lives.
@@ -112,7 +112,7 @@ impl Follow {
                     .event(called)
                     .retry(Duration::from_secs(retry::EVENTS_SECONDS));
                 self.known = Some(name);
-                return event.json_data(JobView::new(&job, now())).ok();
+                return event.json_data(JobView::new(&job)).ok();
             }
             if job.state.is_terminal() || self.place.is_none() {
                 return None;

@@ -12,10 +12,10 @@ use super::{bases, coefficients, distances, features, filtered, operator, signat
 use crate::arguments::Argument;
 use crate::http::results::offered::Resource;
 use crate::http::results::request::{Query, ResultRequest};
-use crate::http::service::Shared;
 use crate::http::wire::accept::Offer;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::query;
+use crate::http::wire::service::Shared;
 
 /// A result of jobs that has file names.
 pub(crate) struct Named {

@@ -8,13 +8,13 @@ use utoipa::ToSchema;
 use super::idempotency::{Idempotency, IdempotencyKey};
 use super::submission::{JobArguments, Submission, answer, replayed};
 use crate::analysis::{Examined, JobKind, Parameters};
-use crate::http::notation::parse_id;
-use crate::http::service::Shared;
 use crate::http::wait::preferred_wait;
 use crate::http::wire::body::{IncomingBody, Received};
+use crate::http::wire::notation::parse_id;
 use crate::http::wire::problem::{Kind, Problem};
 use crate::http::wire::problem_sets::{CloudProblems, SubmissionProblems};
 use crate::http::wire::query::{BasesMax, FromQuery, from_json};
+use crate::http::wire::service::Shared;
 
 /// Memory for examining a cloud, as a multiple of the cloud's.
 const ADMISSION_FACTOR: u64 = 4;

@@ -7,8 +7,8 @@ use axum::extract::State;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::http::service::Shared;
 use crate::http::wire::problem::{Kind, Problem, ProblemDocument};
+use crate::http::wire::service::Shared;
 use crate::store::StoreError;
 
 /// Time for a write: orchestrators do not wait as long as other writers do.

@@ -10,10 +10,10 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use super::viewer_page;
-use crate::http::service::Shared;
 use crate::http::wire::accept::{self, HTML, JSON};
 use crate::http::wire::owners;
 use crate::http::wire::problem::Problem;
+use crate::http::wire::service::Shared;
 
 /// Where clients find the description of this interface (RFC 8631).
 const LINKS: &str = "</openapi.json>; rel=\"service-desc\"; type=\"application/json\", \

@@ -11,22 +11,22 @@ use utoipa::ToSchema;
 use uuid::Uuid;
 
 use super::files;
-use crate::analysis::{JobKind, Parameters};
+use crate::analysis::{JobKind, Parameters, seconds_left};
 use crate::arguments::{arguments, groups};
-use crate::http::notation::{now, parse_id, short_digest, timestamp};
 use crate::http::paging::Paging;
-use crate::http::service::Shared;
 use crate::http::wait::{Wait, wait_until_ended};
 use crate::http::wire::accept::JSON;
 use crate::http::wire::download::Plan;
 use crate::http::wire::memory::Reservation;
+use crate::http::wire::notation::{parse_id, short_digest, timestamp};
 use crate::http::wire::owners;
 use crate::http::wire::problem::{Problem, ProblemDocument};
 use crate::http::wire::problem_sets::{JobProblems, QueryProblem};
 use crate::http::wire::query::FromQuery;
 use crate::http::wire::retry;
+use crate::http::wire::service::Shared;
 use crate::progress::Phase;
-use crate::store::{JobRecord, JobState, Page};
+use crate::store::{JobRecord, JobState, Owner, Page, StoreError};
 
 /// No ETA is given below this fraction of the work.
 const FORESEEABLE_FROM: f64 = 0.02;
@@ -73,7 +73,7 @@ pub(crate) struct JobView {
     /// Share of the work that is done, 0 to 1; it never decreases within an attempt. Where the computation reports nothing
     /// for a second it is extrapolated, never beyond its phase.
     progress: f64,
-    /// Estimated seconds to the end; null when it cannot be estimated.
+    /// Estimated seconds to the end, the storing of the result included; null when it cannot be estimated.
     eta_seconds: Option<f64>,
     /// Jobs that are queued before it; null unless queued.
     queue_position: Option<u64>,
@@ -104,9 +104,9 @@ pub(crate) struct JobView {
 }
 
 impl JobView {
-    /// As of `now`, in milliseconds since the epoch.
+    /// Of a record.
     #[must_use]
-    pub(crate) fn new(job: &JobRecord, now: crate::store::Milliseconds) -> Self {
+    pub(crate) fn new(job: &JobRecord) -> Self {
         Self {
             id: job.id,
             cloud_id: job.cloud_id,
@@ -115,7 +115,7 @@ impl JobView {
             state: job.state,
             phase: job.phase,
             progress: job.progress,
-            eta_seconds: eta_seconds(job, now),
+            eta_seconds: eta_seconds(job),
             queue_position: job.queue_position,
             attempt: job.attempt,
             parameters: parameters_as_used(job),
@@ -130,12 +130,11 @@ impl JobView {
     }
 }
 
-/// Seconds to the end, extrapolated from progress; only while running.
-fn eta_seconds(job: &JobRecord, now: crate::store::Milliseconds) -> Option<f64> {
-    let started =
-        job.started.filter(|_| job.state == JobState::Running && job.progress >= FORESEEABLE_FROM)?;
-    let elapsed = (now - started).max(0) as f64 / 1e3;
-    let seconds = elapsed * (1.0 - job.progress) / job.progress;
+/// Seconds to the end, as of the last beat; only while running.
+fn eta_seconds(job: &JobRecord) -> Option<f64> {
+    let phase = job.phase.filter(|_| job.state == JobState::Running && job.progress >= FORESEEABLE_FROM)?;
+    let of = (job.kind, &job.parameters, job.points as usize);
+    let seconds = seconds_left(of, phase, job.progress, &job.phase_seconds)?;
     Some((seconds * 10.0).round() / 10.0)
 }
 
@@ -196,8 +195,25 @@ pub(crate) async fn list(
     let Selection { state, cloud } = selection;
     let (cursor, limit) = (paging.cursor, paging.limit as u32);
     let Page { items, next } = service.store.jobs(&owner, state, cloud, cursor, limit).await?;
-    let now = now();
-    Ok(Json(JobPage { jobs: items.iter().map(|job| JobView::new(job, now)).collect(), next }))
+    if let Some(id) = cloud.filter(|_| items.is_empty()) {
+        refuse_job(&service, &owner, id).await?;
+    }
+    Ok(Json(JobPage { jobs: items.iter().map(JobView::new).collect(), next }))
+}
+
+/// The id of a job lists nothing, as a cloud without jobs does: whoever took one for the other is told.
+async fn refuse_job(service: &Shared, owner: &Owner, id: Uuid) -> Result<(), Problem> {
+    if !service.store.owns(owner, id).await? {
+        return Ok(());
+    }
+    match service.store.job(id).await {
+        Ok(job) => {
+            let told = format!("parameter `cloud`: {id} is a job, on the cloud {}", job.cloud_id);
+            Err(Problem::invalid("cloud", told).with("near", vec![format!("/jobs?cloud={}", job.cloud_id)]))
+        }
+        Err(StoreError::NotFound) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// A job: state, progress, parameters as used.
@@ -223,7 +239,7 @@ pub(crate) async fn show(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let job = wait_until_ended(&service, parse_id(&id)?, wait.time()).await?;
-    let body = serde_json::to_vec(&JobView::new(&job, now())).map_err(|error| Problem::internal(&error))?;
+    let body = serde_json::to_vec(&JobView::new(&job)).map_err(|error| Problem::internal(&error))?;
     let (tag, stem) = (short_digest(&body), format!("job-{}", job.id));
     let plan = Plan { method: &method, headers: &headers, offer: JSON, tag, stem };
     let mut response = plan.send(Reservation::small(), body)?;
@@ -255,7 +271,7 @@ pub(crate) async fn cancel(
 ) -> Result<Response, Problem> {
     let job = service.store.request_cancel(parse_id(&id)?).await?;
     let status = if job.state.is_terminal() { StatusCode::OK } else { StatusCode::ACCEPTED };
-    Ok((status, Json(JobView::new(&job, now()))).into_response())
+    Ok((status, Json(JobView::new(&job))).into_response())
 }
 
 /// Deletes a job with its results.
@@ -283,5 +299,5 @@ pub(crate) async fn delete(
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
     let job = service.store.job(id).await?;
-    Ok((StatusCode::ACCEPTED, Json(JobView::new(&job, now()))).into_response())
+    Ok((StatusCode::ACCEPTED, Json(JobView::new(&job))).into_response())
 }

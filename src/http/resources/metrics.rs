@@ -12,8 +12,8 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use hyper::body::{Frame, SizeHint};
 
-use crate::http::service::Shared;
 use crate::http::wire::problem::{Problem, ProblemDocument};
+use crate::http::wire::service::Shared;
 use crate::metrics::{self, Gauges, Metrics};
 use crate::store::JobState;
 

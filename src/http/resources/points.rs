@@ -11,21 +11,21 @@ use utoipa::ToSchema;
 use crate::arguments::groups;
 use crate::cloud::PointCloud;
 use crate::cloud::writer::{PlyEncoding, encode_rows, ply_columns, ply_properties};
-use crate::http::notation::parse_id;
 use crate::http::results::cloud_file::{self, Ply, Rows, Unplaced};
 use crate::http::results::offered::{ArrayType, Offered, Resource, Typed, offered};
 use crate::http::results::request;
 use crate::http::results::rows::{npy_layout, ply_layout};
 use crate::http::results::view;
-use crate::http::service::Shared;
 use crate::http::wire::accept::{
     self, CSV, JSON, LAS, LAZ, NPY, NPZ, OBJ, OFF, Offer, PCD, PLY, PNG, STL, XYZ,
 };
 use crate::http::wire::download::{self, Plan};
+use crate::http::wire::notation::parse_id;
 use crate::http::wire::owners;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::{AnswerProblems, CloudProblems, RangeProblem};
 use crate::http::wire::query::FromQuery;
+use crate::http::wire::service::Shared;
 use crate::jobs::Wanted;
 use crate::picture::{Paint, View};
 use crate::store::CHUNK_POINTS;

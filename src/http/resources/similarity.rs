@@ -11,11 +11,11 @@ use crate::arguments::groups;
 use crate::harmonics::Modes;
 use crate::harmonics::shape_dna::{self, Comparison};
 use crate::http::results::request;
-use crate::http::service::Shared;
 use crate::http::wait::{self, Wait};
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::ResultProblems;
 use crate::http::wire::query::FromQuery;
+use crate::http::wire::service::Shared;
 use crate::operator::OperatorKind;
 
 groups! {

@@ -20,14 +20,13 @@ use crate::analysis::{Examined, JobKind, Parameters, Task};
 use crate::arguments::{self, Argument, Arguments, arguments, groups};
 use crate::cloud::PointCloud;
 use crate::cloud::reader::{self, Format, ReadOptions, ReadRequest};
-use crate::http::notation::now;
-use crate::http::service::{Service, Shared};
 use crate::http::wait::{preferred_wait, wait_until_ended};
 use crate::http::wire::body::IncomingBody;
 use crate::http::wire::problem::Problem;
 use crate::http::wire::problem_sets::UploadProblems;
 use crate::http::wire::query::FromQuery;
 use crate::http::wire::retry;
+use crate::http::wire::service::{Service, Shared};
 use crate::http::wire::upload::Upload;
 use crate::store::{Owner, Submitted};
 
@@ -319,7 +318,7 @@ pub(super) async fn answer(
     };
     let body = Submission {
         cloud: CloudView::load(&service.store, &cloud).await?,
-        job: job.as_ref().map(|job| JobView::new(job, now())),
+        job: job.as_ref().map(JobView::new),
         links,
     };
     let mut response = (status, Json(body)).into_response();

@@ -8,8 +8,8 @@ use axum::http::{HeaderName, Uri, header};
 use axum::response::{IntoResponse, Response};
 use uuid::Uuid;
 
-use crate::http::service::Shared;
 use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::service::Shared;
 use crate::picture::Up;
 use crate::store::{JobRecord, JobState, Owner};
 use crate::viewer;

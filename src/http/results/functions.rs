@@ -11,10 +11,10 @@ use super::request::{Harmonics, JSON_BYTES_MAX};
 use crate::cloud::reader::read_columns;
 use crate::harmonics::functions::first_nonfinite;
 use crate::harmonics::{Function, Transformed, transform};
-use crate::http::service::Service;
 use crate::http::wire::body::{IncomingBody, Received};
 use crate::http::wire::memory::Reservation;
 use crate::http::wire::problem::{Kind, Problem};
+use crate::http::wire::service::Service;
 
 /// What every `.npy` file begins with.
 const NPY_MAGIC: &[u8] = b"\x93NUMPY";

@@ -16,7 +16,7 @@ use super::memory::{Arrival, Reservation};
 use super::owners;
 use super::pace::Pace;
 use super::problem::{Kind, Problem};
-use crate::http::service::Shared;
+use super::service::Shared;
 use crate::store::Owner;
 
 /// Bytes for which room is reserved ahead of those that are there, at least and at most; between, half of those.

@@ -11,7 +11,7 @@ use futures_util::stream;
 
 use super::compressed::{CompressedBody, Compression, Encoder};
 use super::memory::Reservation;
-use crate::http::service::Shared;
+use super::service::Shared;
 use crate::store::Owner;
 
 /// Smaller bodies are not compressed.

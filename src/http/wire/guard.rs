@@ -121,17 +121,19 @@ impl Guard {
         ))
     }
 
-    /// Whether no page sent the request, or one of this service or of an origin that is let in.
+    /// Whether no page sent the request, or one of this service or of an origin that is let in. Of a header that is there
+    /// more than once, as something between may make it, every value counts.
     fn is_from_own_page(&self, headers: &HeaderMap, own: Option<&Authority>) -> bool {
-        let let_in = |origin: &HeaderValue| self.origins.iter().any(|known| known == "*" || known == origin);
-        match headers.get(header::ORIGIN) {
-            Some(origin) => let_in(origin) || own.is_some_and(|own| is_origin_of(origin, own)),
-            // Browsers send the origin with all changes; this is for those that hide it.
-            None => headers.get(FETCH_SITE).is_none_or(|site| {
-                let any = self.origins.iter().any(|known| known == "*");
-                any || site == "same-origin" || site == "none"
-            }),
+        let let_in = |origin: &HeaderValue| {
+            self.origins.iter().any(|known| known == "*" || known == origin)
+                || own.is_some_and(|own| is_origin_of(origin, own))
+        };
+        if headers.contains_key(header::ORIGIN) {
+            return headers.get_all(header::ORIGIN).iter().all(let_in);
         }
+        // Browsers send the origin with all changes; this is for those that hide it.
+        let any = self.origins.iter().any(|known| known == "*");
+        headers.get_all(FETCH_SITE).iter().all(|site| any || site == "same-origin" || site == "none")
     }
 
     /// A proxy before a service without keys lets everybody in; the log says so once.
@@ -268,6 +270,7 @@ mod tests {
             &[("origin", "https://viewer.example"), ("sec-fetch-site", "cross-site")],
             &[("sec-fetch-site", "none")],
             &[("sec-fetch-site", "same-origin")],
+            &[("origin", "http://localhost:8080"), ("origin", "https://viewer.example")],
         ] {
             assert_eq!(changes(headers), Ok(()), "{headers:?}");
         }
@@ -279,6 +282,8 @@ mod tests {
             &[("origin", "")],
             &[("sec-fetch-site", "cross-site")],
             &[("sec-fetch-site", "same-site")],
+            &[("origin", "http://localhost:8080"), ("origin", "http://evil.example")],
+            &[("sec-fetch-site", "none"), ("sec-fetch-site", "cross-site")],
         ] {
             assert_eq!(changes(headers), Err(Kind::OriginNotAllowed), "{headers:?}");
         }

@@ -10,8 +10,8 @@ use sha2::{Digest, Sha256};
 use subtle::ConstantTimeEq;
 
 use super::guard::PROBES;
+use super::notation::short_digest;
 use super::problem::{Kind, Problem};
-use crate::http::notation::short_digest;
 use crate::store::Owner;
 
 /// Paths answered without a key beside the probes: pages about the service itself.
@@ -20,12 +20,20 @@ const OPEN_PATHS: [&str; 3] = ["/", "/docs", "/capabilities"];
 const OPEN_PREFIXES: [&str; 3] = ["/openapi.", "/problems/", "/viewer/"];
 /// A shorter key can be guessed.
 const KEY_LENGTH_MIN: usize = 16;
+/// Stands between a name and the one that it had before, in an entry `lab was laboratory`.
+pub const WAS: &str = "was";
 
 /// The accepted keys, as digests, so that comparison tells nothing of lengths either. Clones share them: what is replaced
 /// in one is replaced in all.
 #[derive(Clone)]
 pub struct Keys {
-    keys: Arc<RwLock<Arc<[Key]>>>,
+    list: Arc<RwLock<Arc<List>>>,
+}
+
+/// What a list of keys says.
+struct List {
+    keys: Vec<Key>,
+    renamed: Vec<Renamed>,
 }
 
 struct Key {
@@ -34,6 +42,12 @@ struct Key {
     /// The owner that the same key has without a name.
     unnamed: Owner,
     is_short: bool,
+}
+
+/// Whose everything is that was another name's.
+struct Renamed {
+    before: Owner,
+    now: Owner,
 }
 
 /// Why a list of keys cannot be used. Never repeats what stands in it.
@@ -45,6 +59,11 @@ pub enum KeysError {
     /// An entry of more than two words.
     #[error("entry {0} has more than a name and a key")]
     Words(usize),
+    /// An entry that gives away what a name has, and that name has a key.
+    #[error(
+        "entry {0} gives to another name what a name with a key of its own has; take out that entry or that key"
+    )]
+    Given(usize),
     /// The same key twice.
     #[error("entry {0} repeats the key of an earlier one")]
     Repeated(usize),
@@ -55,14 +74,21 @@ impl Keys {
     /// the name of its owner before it, `pipeline 0b7f…`: keys of the same name see the same clouds and jobs, so that a
     /// key can be replaced by another. A key without a name is an owner of its own.
     ///
+    /// An entry of three words, `lab was laboratory`, gives to `lab` what `laboratory` had. It may stay where it is, but not
+    /// beside a key of the former name, whose data would go too.
+    ///
     /// # Errors
     /// [`KeysError`].
     pub fn parse(text: &str) -> Result<Self, KeysError> {
-        let mut keys: Vec<Key> = Vec::new();
+        let (mut keys, mut renamed): (Vec<Key>, Vec<(usize, Renamed)>) = (Vec::new(), Vec::new());
         for (number, entry) in (1..).zip(entries(text)) {
             let (name, key) = match entry.split_whitespace().collect::<Vec<_>>().as_slice() {
                 [key] => (None, *key),
                 [name, key] => (Some(*name), *key),
+                &[now, WAS, before] => {
+                    renamed.push((number, Renamed { before: Owner::named(before), now: Owner::named(now) }));
+                    continue;
+                }
                 _ => return Err(KeysError::Words(number)),
             };
             let (digest, unnamed) = (digest(key), unnamed(key));
@@ -72,48 +98,61 @@ impl Keys {
             let owner = name.map_or_else(|| unnamed.clone(), Owner::named);
             keys.push(Key { digest, owner, unnamed, is_short: key.len() < KEY_LENGTH_MIN });
         }
-        if keys.is_empty() { Err(KeysError::Empty) } else { Ok(Self::of(keys.into())) }
-    }
-
-    fn of(keys: Arc<[Key]>) -> Self {
-        Self { keys: Arc::new(RwLock::new(keys)) }
+        if keys.is_empty() {
+            return Err(KeysError::Empty);
+        }
+        let has_key = |owner: &Owner| keys.iter().any(|key| key.owner == *owner);
+        if let Some((number, _)) = renamed.iter().find(|(_, renamed)| has_key(&renamed.before)) {
+            return Err(KeysError::Given(*number));
+        }
+        let renamed = renamed.into_iter().map(|(_, renamed)| renamed).collect();
+        Ok(Self { list: Arc::new(RwLock::new(Arc::new(List { keys, renamed }))) })
     }
 
     /// Accepts the keys of `other` from now on, and no longer those of before.
     pub fn replace(&self, other: &Self) {
-        let keys = other.keys();
-        *self.keys.write().unwrap_or_else(PoisonError::into_inner) = keys;
+        let list = other.list();
+        *self.list.write().unwrap_or_else(PoisonError::into_inner) = list;
     }
 
-    fn keys(&self) -> Arc<[Key]> {
-        Arc::clone(&self.keys.read().unwrap_or_else(PoisonError::into_inner))
+    fn list(&self) -> Arc<List> {
+        Arc::clone(&self.list.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// How many keys there are.
     #[must_use]
     pub fn count(&self) -> usize {
-        self.keys().len()
+        self.list().keys.len()
     }
 
     /// Places, counted from 1, of keys that are short enough to be guessed.
     #[must_use]
     pub fn short(&self) -> Vec<usize> {
-        (1..).zip(self.keys().iter()).filter(|(_, key)| key.is_short).map(|(place, _)| place).collect()
+        (1..).zip(&self.list().keys).filter(|(_, key)| key.is_short).map(|(place, _)| place).collect()
     }
 
-    /// For every key with a name: whose it was without one, and whose it is.
+    /// Whose everything was, and whose it is: for every key with a name what it had without one, then what names had
+    /// before they were renamed.
     #[must_use]
     pub fn adoptions(&self) -> Vec<(Owner, Owner)> {
-        let keys = self.keys();
-        let named = keys.iter().filter(|key| key.owner != key.unnamed);
-        named.map(|key| (key.unnamed.clone(), key.owner.clone())).collect()
+        let list = self.list();
+        let named = list.keys.iter().filter(|key| key.owner != key.unnamed);
+        let named = named.map(|key| (key.unnamed.clone(), key.owner.clone()));
+        let renamed = list.renamed.iter().map(|renamed| (renamed.before.clone(), renamed.now.clone()));
+        named.chain(renamed).collect()
+    }
+
+    /// Whether an owner has a key.
+    #[must_use]
+    pub fn has(&self, owner: &Owner) -> bool {
+        self.list().keys.iter().any(|key| key.owner == *owner)
     }
 
     /// The owner behind a token. All keys are compared, whichever it is.
     fn owner_of(&self, token: &str) -> Option<Owner> {
         let offered = digest(token);
-        let keys = self.keys();
-        let found = keys.iter().fold(None, |found, key| {
+        let list = self.list();
+        let found = list.keys.iter().fold(None, |found, key| {
             if key.digest.as_slice().ct_eq(offered.as_slice()).into() { Some(&key.owner) } else { found }
         });
         found.cloned()
@@ -216,6 +255,9 @@ mod tests {
             ("# nothing\n\n", KeysError::Empty),
             ("a b\nsecret key words", KeysError::Words(2)),
             ("one secret\ntwo secret", KeysError::Repeated(2)),
+            ("lab was secret", KeysError::Empty),
+            ("lab key, lab was secret\nsecret other-key", KeysError::Given(2)),
+            ("lab key, lab was lab", KeysError::Given(2)),
         ] {
             let refused = Keys::parse(text).err().unwrap();
             assert_eq!(refused, error);
@@ -239,6 +281,15 @@ mod tests {
         let before = owner_of("alpha-key", "alpha-key").unwrap();
         let keys = Keys::parse("lab alpha-key\nbeta-key").unwrap();
         assert_eq!(keys.adoptions(), [(before, Owner::named("lab"))]);
+    }
+
+    #[test]
+    fn a_name_has_what_it_had_under_another_one() {
+        let keys = Keys::parse("key-without-name, lab was laboratory").unwrap();
+        assert_eq!(keys.adoptions(), [(Owner::named("laboratory"), Owner::named("lab"))]);
+        assert!(owner_of("lab was laboratory, other-key", "laboratory").is_none(), "it is no key");
+        // a key may be called so
+        assert_eq!(owner_of("was key", "key"), Some(Owner::named("was")));
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! What speaks HTTP: negotiation, conditions and ranges, bodies and their memory, arguments, problems.
+//! What speaks HTTP: negotiation, conditions and ranges, bodies and their memory, arguments, problems; and the state of all
+//! handlers, which all that needs.
 
 pub(super) mod accept;
 pub(super) mod body;
@@ -11,6 +12,7 @@ pub(super) mod drain;
 pub(super) mod guard;
 pub(super) mod keys;
 pub(super) mod memory;
+pub(super) mod notation;
 pub(super) mod owners;
 pub(super) mod pace;
 pub(super) mod paths;
@@ -19,4 +21,6 @@ pub(super) mod problem_sets;
 pub(super) mod query;
 pub(super) mod request;
 pub(super) mod retry;
+pub(super) mod service;
 pub(super) mod upload;
+pub(super) mod waiting_places;

@@ -8,7 +8,7 @@ use axum::response::{IntoResponse, Response};
 use uuid::Uuid;
 
 use super::problem::{Kind, Problem};
-use crate::http::service::Shared;
+use super::service::Shared;
 use crate::store::{Owner, StoreError};
 
 /// Whose request it is; nobody's where no key is asked for.

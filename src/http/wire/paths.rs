@@ -8,6 +8,17 @@ const EDITS_MAX: usize = 2;
 /// Suggestions that are made, at most.
 const SUGGESTED: usize = 12;
 
+/// Beginnings that other services have.
+const PREFIXES: [&str; 4] = ["api", "rest", "v1", "v2"];
+/// What other services call what there is here, in lower case.
+const ELSEWHERE: [(&[&str], &[&str]); 5] = [
+    (&["health", "healthz", "healthcheck", "ping", "status"], &["/livez", "/readyz"]),
+    (&["liveness"], &["/livez"]),
+    (&["readiness"], &["/readyz"]),
+    (&["openapi", "swagger.json", "swagger.yaml", "openapi.yml"], &["/openapi.json", "/openapi.yaml"]),
+    (&["", "swagger", "swagger-ui", "redoc", "api-docs", "help"], &["/docs", "/openapi.json"]),
+];
+
 /// Every path of the interface, and its methods.
 #[derive(Debug)]
 pub(crate) struct Paths(Vec<Template>);
@@ -48,11 +59,18 @@ impl Paths {
         methods
     }
 
-    /// What may have been meant by a path that there is not: those that differ by a slip, else those below and above it.
+    /// What may have been meant by a path that there is not: what other services would have there, those that differ by a
+    /// slip, else those below and above it.
     pub(crate) fn near(&self, path: &str) -> Vec<String> {
         let parts: Vec<&str> = parts(path).collect();
         if parts.is_empty() {
             return Vec::new();
+        }
+        let parts: Vec<&str> = parts.into_iter().skip_while(|part| PREFIXES.contains(part)).collect();
+        let known =
+            ELSEWHERE.iter().find(|(names, _)| names.contains(&parts.join("/").to_lowercase().as_str()));
+        if let Some((_, own)) = known {
+            return own.iter().map(|&path| path.to_owned()).collect();
         }
         let mut slips: Vec<_> = self
             .0
@@ -148,6 +166,20 @@ mod tests {
         assert_eq!(near("/jobs/17/basis"), ["/jobs/17/bases"]);
         assert_eq!(near("/jobs/17/cancle"), ["/jobs/17/cancel"]);
         assert_eq!(near("/Jobs/17"), ["/jobs/17"]);
+    }
+
+    #[test]
+    fn what_other_services_have_is_named_as_it_is_called_here() {
+        let near = |path: &str| paths().near(path);
+        for path in ["/healthz", "/health", "/api/health", "/Health/"] {
+            assert_eq!(near(path), ["/livez", "/readyz"], "{path}");
+        }
+        for path in ["/api", "/v1/", "/swagger", "/api/v1/redoc"] {
+            assert_eq!(near(path), ["/docs", "/openapi.json"], "{path}");
+        }
+        assert_eq!(near("/openapi"), ["/openapi.json", "/openapi.yaml"]);
+        assert_eq!(near("/api/v1/clouds"), ["/clouds"]);
+        assert_eq!(near("/v1/jobs/17/basis"), ["/jobs/17/bases"]);
     }
 
     #[test]

@@ -9,8 +9,8 @@ use futures_util::FutureExt;
 use super::body::{IncomingBody, Received};
 use super::memory::{Arrival, Reservation};
 use super::problem::{Kind, Problem};
+use super::service::Service;
 use crate::cloud::reader::{self, Format};
-use crate::http::service::Service;
 
 /// Answer to an upload without a byte.
 const EMPTY: &str = "the body is empty; send the file as the body, as in `curl -T scan.ply`";

@@ -10,6 +10,7 @@ mod lock;
 mod writer;
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use sqlx::{Row, SqlitePool};
 
@@ -22,18 +23,20 @@ use disk::Disk;
 /// Connections to the file, and its disk.
 #[derive(Debug, Clone)]
 pub(super) struct Database {
-    pub(super) writer: SqlitePool,
+    writer: SqlitePool,
     /// For records.
     pub(super) readers: SqlitePool,
     /// For clouds and results.
     pub(super) arrays: SqlitePool,
+    /// How long another process that holds the file's lock is waited for.
+    busy: Duration,
     disk: Disk,
 }
 
 impl Database {
     pub(super) async fn open(path: &Path, settings: &StoreSettings) -> Result<Self, StoreError> {
         let (writer, readers, arrays) = database::open(path, settings).await?;
-        Ok(Self { writer, readers, arrays, disk: Disk::of(path, settings.disk_floor) })
+        Ok(Self { writer, readers, arrays, busy: settings.busy, disk: Disk::of(path, settings.disk_floor) })
     }
 
     /// Ends all connections and merges the write-ahead log into the file.
@@ -41,6 +44,14 @@ impl Database {
         self.readers.close().await;
         self.arrays.close().await;
         self.writer.close().await;
+    }
+
+    /// Begins a transaction that writes. The time that went by in the queue counts as waited: otherwise each of those who
+    /// wait behind one that meets a locked file would wait as long again, one after the other.
+    pub(super) async fn begin(&self) -> Result<Writer, StoreError> {
+        let asked = Instant::now();
+        let connection = self.writer.acquire().await?;
+        Writer::begin(connection, self.busy.saturating_sub(asked.elapsed())).await
     }
 
     pub(super) async fn space(&self) -> Result<Space, StoreError> {

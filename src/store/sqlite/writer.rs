@@ -1,7 +1,9 @@
 //! A transaction that holds the write lock, on a connection that is closed unless it is committed.
 
+use std::time::Duration;
+
 use sqlx::pool::PoolConnection;
-use sqlx::{Sqlite, SqliteConnection};
+use sqlx::{AssertSqlSafe, Sqlite, SqliteConnection};
 
 use crate::store::StoreError;
 
@@ -11,8 +13,14 @@ pub(in crate::store) struct Writer {
 }
 
 impl Writer {
-    pub(in crate::store) async fn begin(connection: PoolConnection<Sqlite>) -> Result<Self, StoreError> {
+    /// Waits for as long as `patience` for the file's lock, which another process may hold.
+    pub(in crate::store) async fn begin(
+        connection: PoolConnection<Sqlite>,
+        patience: Duration,
+    ) -> Result<Self, StoreError> {
         let mut writer = Self { connection, committed: false };
+        let timeout = AssertSqlSafe(format!("PRAGMA busy_timeout = {}", patience.as_millis()));
+        sqlx::query(timeout).persistent(false).execute(&mut *writer.connection).await?;
         sqlx::query("BEGIN IMMEDIATE").execute(&mut *writer.connection).await?;
         Ok(writer)
     }

@@ -1,5 +1,5 @@
-//! Archives of arrays, as `numpy.savez` writes them: one of them is the points, others of as many rows are fields, `faces`
-//! the triangles.
+//! Archives of arrays, as `numpy.savez` writes them: one of them is the points, or three vectors are their coordinates; others of
+//! as many rows are fields, `faces` the triangles.
 
 use std::io::Cursor;
 
@@ -8,7 +8,7 @@ use npyz::zip::ZipArchive;
 use super::FORMAT;
 use super::header::Header;
 use crate::cloud::PointCloud;
-use crate::cloud::reader::columns::Columns;
+use crate::cloud::reader::columns::{Column, Columns, leading_dimension};
 use crate::cloud::reader::container::{entries, member, open};
 use crate::cloud::reader::number::{self, Source};
 use crate::cloud::reader::ply::Place;
@@ -31,6 +31,8 @@ const POINTS: [&str; 13] = [
     "data",
     "arr_0",
 ];
+/// Names of the vectors that are coordinates where there is no array of points.
+const AXES: [&str; 3] = ["x", "y", "z"];
 const FACES: [&str; 5] = ["faces", "triangles", "face", "tri", "f"];
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, ReadError> {
@@ -39,10 +41,11 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let names: Vec<&str> = entries.iter().map(|(_, name)| name.trim_end_matches(".npy")).collect();
     let place = |wanted: &str| names.iter().position(|name| name.eq_ignore_ascii_case(wanted));
     let points = POINTS.iter().find_map(|name| place(name)).or_else(|| (names.len() == 1).then_some(0));
-    let Some(points) = points else {
+    let axes = || AXES.iter().map(|name| place(name)).collect::<Option<Vec<_>>>();
+    let Some(points) = points.map(|points| vec![points]).or_else(axes) else {
         let shown: Vec<&str> = names.iter().copied().take(12).collect();
         let message = format!(
-            "the archive has no array `points`; it has {}",
+            "the archive has no array `points` and no vectors `x`, `y` and `z`; it has {}",
             if shown.is_empty() { "none".to_owned() } else { shown.join(", ") }
         );
         return Err(ReadError::byte(FORMAT, 0, message));
@@ -50,19 +53,12 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
     let load = |place: usize, archive: &mut ZipArchive<Cursor<&[u8]>>| {
         member(archive, entries[place].0, bytes.len(), FORMAT)
     };
-    let array = load(points, &mut archive)?;
-    let header = Header::parse(&array)?;
-    let rows = header.rows;
-    options.limits.points(rows)?;
-    let mut columns = header.columns(options)?;
-    columns.zeroed(rows)?;
-    let block = header.block(&array)?;
-    let sources: Vec<Source> = (0..header.columns.len()).map(|index| header.source(block, index)).collect();
-    number::fill(&mut columns, &sources);
-    drop(array);
-    let mut triangles = Triangles::new(&options.limits, columns.bytes_of(rows));
-    let faces = FACES.iter().find_map(|name| place(name)).filter(|&place| place != points);
-    for place in (0..names.len()).filter(|&place| place != points) {
+    let arrays = points.iter().map(|&place| load(place, &mut archive)).collect::<Result<Vec<_>, _>>()?;
+    let mut columns = coordinates(&arrays, options)?;
+    drop(arrays);
+    let mut triangles = Triangles::new(&options.limits, columns.bytes_of(columns.len()));
+    let faces = FACES.iter().find_map(|name| place(name)).filter(|place| !points.contains(place));
+    for place in (0..names.len()).filter(|place| !points.contains(place)) {
         let array = load(place, &mut archive)?;
         let is_faces = faces == Some(place);
         if let Some(refused) = add(&array, names[place], is_faces, &mut columns, &mut triangles, options)? {
@@ -70,6 +66,39 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<PointCloud, Re
         }
     }
     triangles.finish(columns, options)
+}
+
+/// The columns of an array of points, or of vectors of their coordinates.
+fn coordinates(arrays: &[Vec<u8>], options: &ReadOptions) -> Result<Columns, ReadError> {
+    let headers = arrays.iter().map(|array| Header::parse(array)).collect::<Result<Vec<_>, _>>()?;
+    let rows = headers[0].rows;
+    options.limits.points(rows)?;
+    let mut columns = if let [header] = &headers[..] {
+        header.columns(options)?
+    } else {
+        if headers.iter().any(|header| header.columns.len() != 1 || header.rows != rows) {
+            let sizes = headers.iter().map(|header| format!("{}×{}", header.rows, header.columns.len()));
+            let sizes = sizes.collect::<Vec<_>>().join(", ");
+            let message = format!(
+                "`x`, `y` and `z` are to be vectors of one length, as `ravel()` makes them; they are {sizes}"
+            );
+            return Err(ReadError::byte(FORMAT, 0, message));
+        }
+        let named = headers.iter().zip(AXES).map(|(header, name)| Column {
+            kind: header.columns[0].number.scalar_type(),
+            ..Column::text(name)
+        });
+        let named: Vec<Column> = named.collect();
+        Columns::leading(&named, leading_dimension(named.len(), options), &options.limits)?
+    };
+    columns.zeroed(rows)?;
+    let mut sources: Vec<Source> = Vec::new();
+    for (header, array) in headers.iter().zip(arrays) {
+        let block = header.block(array)?;
+        sources.extend((0..header.columns.len()).map(|index| header.source(block, index)));
+    }
+    number::fill(&mut columns, &sources);
+    Ok(columns)
 }
 
 /// Adds an array as fields or as triangles; tells why it was left out, if it was.

@@ -8,10 +8,10 @@ use serde::Serialize;
 use tokio_util::sync::CancellationToken;
 use utoipa::ToSchema;
 
+use super::guard::Hosts;
+use super::keys::Keys;
+use super::memory::MemoryBudget;
 use super::waiting_places::WaitingPlaces;
-use super::wire::guard::Hosts;
-use super::wire::keys::Keys;
-use super::wire::memory::MemoryBudget;
 use crate::cloud::reader;
 use crate::jobs::{Compute, Jobs};
 use crate::metrics::Metrics;
@@ -83,17 +83,17 @@ pub struct Limits {
 
 impl Limits {
     /// Time for a request's body.
-    pub(super) fn body_time(&self) -> Duration {
+    pub(crate) fn body_time(&self) -> Duration {
         Duration::from_secs(self.body_seconds)
     }
 
     /// Time without progress after which a client's connection is dropped.
-    pub(super) fn stall(&self) -> Duration {
+    pub(crate) fn stall(&self) -> Duration {
         Duration::from_secs(self.stall_seconds)
     }
 
     /// Those of a file.
-    pub(super) fn reader(&self) -> reader::Limits {
+    pub(crate) fn reader(&self) -> reader::Limits {
         let &Self { points_max, dimension_max, fields_max, faces_max, reader_memory_max, .. } = self;
         reader::Limits { points_max, fields_max, dimension_max, faces_max, memory_max: reader_memory_max }
     }
@@ -113,27 +113,27 @@ pub struct Pools {
 /// What the handlers work with.
 pub struct Service {
     /// The database.
-    pub(super) store: Store,
+    pub(crate) store: Store,
     /// Threads for work.
-    pub(super) pools: Pools,
+    pub(crate) pools: Pools,
     /// The workers, to be woken when a job was queued.
-    pub(super) jobs: Arc<Jobs>,
+    pub(crate) jobs: Arc<Jobs>,
     /// Limits.
-    pub(super) limits: Limits,
+    pub(crate) limits: Limits,
     /// What bodies and large answers share.
-    pub(super) memory: MemoryBudget,
+    pub(crate) memory: MemoryBudget,
     /// What those share who wait for jobs.
-    pub(super) waiting: WaitingPlaces,
+    pub(crate) waiting: WaitingPlaces,
     /// Origins of pages that may use the service from browsers; `*` is any.
-    pub(super) origins: Vec<HeaderValue>,
+    pub(crate) origins: Vec<HeaderValue>,
     /// Names under which it answers where no key is asked for; `None` is any.
-    pub(super) hosts: Option<Hosts>,
+    pub(crate) hosts: Option<Hosts>,
     /// Accepted keys; `None` when none is asked for.
-    pub(super) keys: Option<Keys>,
+    pub(crate) keys: Option<Keys>,
     /// Canceled when the service stops: waiting requests then answer at once.
-    pub(super) stopping: CancellationToken,
+    pub(crate) stopping: CancellationToken,
     /// What is counted.
-    pub(super) metrics: Arc<Metrics>,
+    pub(crate) metrics: Arc<Metrics>,
 }
 
 impl Service {

@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 use uuid::Uuid;
 
-use super::wire::problem::{Kind, Problem};
+use super::problem::{Kind, Problem};
 use crate::store::Milliseconds;
 
 /// An id of a path; what is not a UUID names nothing.
@@ -22,9 +22,4 @@ pub(crate) fn timestamp(milliseconds: Milliseconds) -> String {
 /// Names bytes: half of their SHA-256, in hex.
 pub(crate) fn short_digest(bytes: &[u8]) -> String {
     Uuid::from_slice(&Sha256::digest(bytes)[..16]).unwrap_or_default().simple().to_string()
-}
-
-/// The time.
-pub(crate) fn now() -> Milliseconds {
-    jiff::Timestamp::now().as_millisecond()
 }
