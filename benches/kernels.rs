@@ -64,14 +64,18 @@ fn problem() -> (Problem, Points) {
     let options = CellOptions { isometric: true, clip_rims: true, sheet_aware: true };
     let cells = cells(&points, &tree, &nearest, &frames, options, &progress).expect("nobody cancels");
     let stiffness = voronoi::stiffness(&cells, &progress).expect("nobody cancels");
-    (Problem::new(LaplaceBeltrami::narrow(stiffness, cells.volume), 1.0), points)
+    let problem = Problem::new(LaplaceBeltrami::narrow(stiffness, cells.volume), 1.0, &progress);
+    (problem.expect("nobody cancels"), points)
 }
 
 fn solves(criterion: &mut Criterion) {
     let (problem, points) = problem();
     let mut group = criterion.benchmark_group("solves");
     group.sample_size(10);
-    let order = || nested_dissection(&problem.matrix, |i| points.point(i as usize));
+    let order = || {
+        nested_dissection(&problem.matrix, |i| points.point(i as usize), &Progress::new())
+            .expect("nobody cancels")
+    };
     group.bench_function("nested dissection", |b| b.iter(order));
     let symbolic = Symbolic::analyze(&problem.matrix, order(), &Progress::new()).expect("it has a factor");
     group.bench_function("factorization", |b| {
@@ -100,7 +104,8 @@ fn factors(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("factors on one thread");
     group.sample_size(10);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
-    let elimination = nested_dissection(matrix, |i| points.point(i as usize));
+    let elimination =
+        nested_dissection(matrix, |i| points.point(i as usize), &Progress::new()).expect("nobody cancels");
     let order = elimination.order.clone();
     let symbolic = Symbolic::analyze(matrix, elimination, &Progress::new()).expect("it has a factor");
     let ours = |single: bool| {

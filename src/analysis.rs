@@ -109,8 +109,8 @@ pub fn analyze_by(
     };
     drop(triangles);
     progress.checkpoint()?;
-    let (operator, place) =
-        without_small_components(assembled, dimension_estimate < parameters.dimension, &warnings)?;
+    let looks_thinner = dimension_estimate < parameters.dimension;
+    let (operator, place) = without_small_components(assembled, looks_thinner, &warnings, progress)?;
     let known = |i: usize| Some(place[i]).filter(|&place| place != NO_PLACE);
     let doubts = match traits {
         Some(traits) if kind == JobKind::Eigen => {
@@ -285,10 +285,11 @@ fn without_small_components(
     assembled: Assembled,
     looks_thinner: bool,
     warnings: &[String],
+    progress: &Progress,
 ) -> Result<(Connected, Vec<u32>), AnalysisError> {
     let Assembled { laplacian, narrow } = assembled;
     let n = laplacian.mass.len();
-    let found = components(n, |i| laplacian.stiffness.neighbors(i));
+    let found = components(n, |i| laplacian.stiffness.neighbors(i), progress)?;
     if found.size.iter().all(|&size| size >= COMPONENT_MIN) {
         return Ok((Connected { laplacian, narrow, components: found }, (0..n as u32).collect()));
     }
@@ -312,7 +313,8 @@ fn without_small_components(
     // the companion's walls may lead out of a kept component: such a row sums to more than zero, which leaves it
     // positive definite, and it only preconditions
     let narrow = narrow.map(|matrix| matrix.restricted_to(&keep));
+    progress.checkpoint()?;
     let laplacian = laplacian.restricted_to(&keep);
-    let components = components(keep.len(), |i| laplacian.stiffness.neighbors(i));
+    let components = components(keep.len(), |i| laplacian.stiffness.neighbors(i), progress)?;
     Ok((Connected { laplacian, narrow, components }, place))
 }

@@ -3,6 +3,7 @@
 //! The library knows no clock: an observer that wants seconds per phase takes the time in its callback.
 
 use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -47,6 +48,21 @@ type Observer = Box<dyn Fn(Phase) + Send + Sync>;
 /// Asked for bytes of memory; false when they cannot be had.
 type Grant = Box<dyn Fn(u64) -> bool + Send + Sync>;
 
+/// The way out of [`Progress::leaving`].
+#[derive(Clone, Copy)]
+pub struct Leave<'a>(&'a Progress);
+
+impl Leave<'_> {
+    /// Does not return once somebody called [`Progress::cancel`].
+    #[inline]
+    pub fn if_canceled(self) {
+        if self.0.is_canceled() {
+            // not a panic: no hook tells of it
+            resume_unwind(Box::new(Canceled));
+        }
+    }
+}
+
 /// Shared between the computation, which moves it on, and an observer, which reads it and may cancel.
 pub struct Progress {
     phase: AtomicU8,
@@ -60,6 +76,9 @@ pub struct Progress {
     held: AtomicU64,
     observer: Option<Observer>,
     grant: Option<Grant>,
+    /// Looks until it cancels itself.
+    #[cfg(test)]
+    looks: Option<AtomicU64>,
 }
 
 impl Default for Progress {
@@ -73,6 +92,8 @@ impl Default for Progress {
             held: AtomicU64::default(),
             observer: None,
             grant: None,
+            #[cfg(test)]
+            looks: None,
         }
     }
 }
@@ -134,9 +155,20 @@ impl Progress {
         self.canceled.store(true, Ordering::Relaxed);
     }
 
+    /// A progress that is canceled once it was looked at so many times.
+    #[cfg(test)]
+    #[must_use]
+    pub(crate) fn canceled_after(looks: u64) -> Self {
+        Self { looks: Some(AtomicU64::new(looks)), ..Self::default() }
+    }
+
     /// Whether somebody called [`Self::cancel`].
     #[must_use]
     pub fn is_canceled(&self) -> bool {
+        #[cfg(test)]
+        if self.looks.as_ref().is_some_and(|left| left.fetch_sub(1, Ordering::Relaxed) == 1) {
+            self.cancel();
+        }
         self.canceled.load(Ordering::Relaxed)
     }
 
@@ -146,6 +178,19 @@ impl Progress {
     /// [`Canceled`] once somebody called [`Self::cancel`].
     pub fn checkpoint(&self) -> Result<(), Canceled> {
         if self.is_canceled() { Err(Canceled) } else { Ok(()) }
+    }
+
+    /// Runs `work` that ends nowhere but at its end, such as a sort or what another crate builds: [`Leave::if_canceled`],
+    /// called where it compares or asks for coordinates, ends it by unwinding.
+    ///
+    /// # Errors
+    /// [`Canceled`], as [`Self::checkpoint`].
+    pub fn leaving<T>(&self, work: impl FnOnce(Leave<'_>) -> T) -> Result<T, Canceled> {
+        self.checkpoint()?;
+        catch_unwind(AssertUnwindSafe(|| work(Leave(self)))).map_err(|unwound| match unwound.downcast() {
+            Ok(canceled) => *canceled,
+            Err(panic) => resume_unwind(panic),
+        })
     }
 
     /// Begins a phase.
@@ -234,6 +279,24 @@ mod tests {
         assert_eq!(progress.afford(101), Err(Canceled));
         assert_eq!((progress.denied(), progress.checkpoint()), (Some(101), Err(Canceled)));
         assert_eq!(Progress::new().afford(u64::MAX), Ok(()), "without a grant nothing is refused");
+    }
+
+    #[test]
+    fn work_without_checkpoints_is_left_when_it_is_canceled_and_panics_stay_panics() {
+        let progress = Progress::new();
+        assert_eq!(progress.leaving(|leave| (leave.if_canceled(), 5).1), Ok(5));
+        let mut numbers: Vec<u32> = (0..1_000).rev().collect();
+        let sorted = progress.leaving(|leave| {
+            numbers.sort_unstable_by(|a, b| {
+                progress.cancel();
+                leave.if_canceled();
+                a.cmp(b)
+            });
+        });
+        assert_eq!(sorted, Err(Canceled));
+        assert_eq!(progress.leaving(|_| 5), Err(Canceled), "it does not begin");
+        let panicked = catch_unwind(|| Progress::new().leaving::<()>(|_| resume_unwind(Box::new("sand"))));
+        assert_eq!(panicked.unwrap_err().downcast_ref(), Some(&"sand"));
     }
 
     #[test]

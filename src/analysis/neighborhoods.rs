@@ -34,7 +34,7 @@ pub(super) struct Neighborhoods {
 
 impl Neighborhoods {
     fn of(points: Points, progress: &Progress) -> Result<Self, AnalysisError> {
-        let tree = SearchTree::new(&points);
+        let tree = SearchTree::new_by(&points, progress)?;
         let nearest = NearestNeighbors::find(&tree, &points, NEIGHBORS, progress)?;
         Ok(Self { points, tree, nearest, merged: 0, strays: Vec::new(), noise: 0.0 })
     }

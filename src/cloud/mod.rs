@@ -88,6 +88,13 @@ pub struct PointCloud {
     nonfinite: usize,
 }
 
+/// Bytes of memory that a cloud of so many points with so many numbers each, and so many triangles, takes.
+#[must_use]
+pub fn bytes_in_memory(points: u64, numbers: usize, triangles: u64) -> u64 {
+    // a triangle, and its place in a polygon
+    points.saturating_mul(8 * numbers as u64).saturating_add(triangles.saturating_mul(12 + 4))
+}
+
 /// Whether all numbers are finite; without a branch per number, so that the compiler looks at several at once.
 fn all_finite(block: &[f64]) -> bool {
     block.iter().fold(true, |all, x| all & x.is_finite())
@@ -240,6 +247,12 @@ impl PointCloud {
     #[allow(clippy::len_without_is_empty)] // a cloud is never empty
     pub fn len(&self) -> usize {
         self.coordinates.len() / self.dimension
+    }
+
+    /// Bytes of memory that it takes.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        bytes_in_memory(self.len() as u64, self.dimension + self.fields.len(), self.faces.len() as u64)
     }
 
     /// Ambient dimension d.

@@ -92,7 +92,7 @@ impl Taken {
                 beside[a as usize].extend(sharing.iter().copied().filter(|&b| b != a));
             }
         }
-        let groups = components(beside.len(), |id| beside[id].iter().copied());
+        let groups = components(beside.len(), |id| beside[id].iter().copied(), progress)?;
         taken.on_rim = vec![false; groups.size.len()];
         groups.label.iter().zip(&rim).for_each(|(&group, &rim)| taken.on_rim[group as usize] |= rim);
         (taken.group, taken.sizes) = (groups.label, groups.size);

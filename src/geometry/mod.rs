@@ -5,6 +5,7 @@
 pub mod cells;
 mod clipper;
 pub mod components;
+pub mod curve;
 pub mod delaunay;
 pub mod frames;
 mod gaps;
@@ -31,6 +32,7 @@ mod votes;
 
 pub use cells::{Cells, cells};
 pub use components::{Components, components};
+pub use curve::Curve;
 pub use frames::{Frames, frames};
 pub use metric::TriangleMetric;
 pub use neighborhoods::{NearestNeighbors, SearchTree};

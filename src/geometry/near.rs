@@ -36,12 +36,16 @@ impl Repetitions {
         nearest: &NearestNeighbors,
         progress: &Progress,
     ) -> Result<Option<Self>, GeometryError> {
+        // the factor that each number of points has by chance, squared
+        let least: Vec<f64> = (0..nearest.count())
+            .map(|count| 10.0_f64.powf(-CHANCE / count as f64).max(GAP_MIN * GAP_MIN))
+            .collect();
         let before_gap: Vec<usize> = (0..points.len())
             .into_par_iter()
             .with_min_len(256)
             .map(|i| {
                 let around = if progress.is_canceled() { &[] } else { nearest.of(i) };
-                before_gap(around.iter().map(|&q| points.squared_distance(i, q as usize)))
+                before_gap(&least, around.iter().map(|&q| points.squared_distance(i, q as usize)))
             })
             .collect();
         progress.checkpoint()?;
@@ -56,17 +60,16 @@ impl Repetitions {
         if (0..points.len()).all(|i| same(i).next().is_none()) {
             return Ok(None);
         }
-        let found = components(points.len(), same);
+        let found = components(points.len(), same, progress)?;
         Ok(Some(Self { group: found.label, sizes: found.size }))
     }
 }
 
-/// Neighbors before the last gap among these ascending squared distances; 0 without a gap.
-fn before_gap(squared: impl Iterator<Item = f64>) -> usize {
+/// Neighbors before the last gap among these ascending squared distances, each of which would have to be `least` times the one
+/// before; 0 without a gap.
+fn before_gap(least: &[f64], squared: impl Iterator<Item = f64>) -> usize {
     let (mut last, mut found) = (None, 0);
-    for (count, squared) in squared.enumerate() {
-        // the factor that `count` points have by chance, squared
-        let least = 10.0_f64.powf(-CHANCE / count as f64).max(GAP_MIN * GAP_MIN);
+    for (count, (squared, least)) in squared.zip(least).enumerate() {
         if last.is_some_and(|last: f64| squared > least * last) {
             found = count;
         }

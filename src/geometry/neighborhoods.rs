@@ -8,7 +8,7 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 
 use super::points::{GeometryError, Points};
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// Points handled between two looks at the progress.
 const BATCH: usize = 16_384;
@@ -33,10 +33,20 @@ fn padded<const D: usize>(p: &[f64]) -> [f64; D] {
     std::array::from_fn(|axis| p.get(axis).copied().unwrap_or(0.0))
 }
 
-fn build<const D: usize>(points: &Points) -> Box<ImmutableKdTree<f64, D>> {
-    let rows: Vec<[f64; D]> = (0..points.len()).map(|i| padded(points.point(i))).collect();
-    #[allow(clippy::expect_used)] // fails only for more points than u32 counts, which `Points` refuses
-    Box::new(ImmutableKdTree::new_from_slice(&rows).expect("fewer than 2^32 points"))
+fn build<const D: usize>(
+    points: &Points,
+    progress: &Progress,
+) -> Result<Box<ImmutableKdTree<f64, D>>, Canceled> {
+    let rows: Vec<[f64; D]> = (0..points.len()).into_par_iter().map(|i| padded(points.point(i))).collect();
+    let built = progress.leaving(|leave| {
+        let coordinate = |row: &[f64; D], axis: usize| {
+            leave.if_canceled();
+            row[axis]
+        };
+        ImmutableKdTree::builder().build_from_source(&rows, coordinate, |i, _| i as u32)
+    })?;
+    #[allow(clippy::expect_used)] // fails only for trees that change
+    Ok(Box::new(built.expect("a tree of points")))
 }
 
 fn nearest<const D: usize>(
@@ -82,11 +92,20 @@ impl SearchTree {
     /// Builds the tree; `points` must have 1 to 8 coordinates, as [`Points::prepare`] makes sure.
     #[must_use]
     pub fn new(points: &Points) -> Self {
-        Self(match points.dimension() {
-            1..=3 => Tree::D3(build(points)),
-            4 => Tree::D4(build(points)),
-            _ => Tree::D8(build(points)),
-        })
+        #[allow(clippy::expect_used)]
+        Self::new_by(points, &Progress::new()).expect("nobody cancels")
+    }
+
+    /// The same, as long as nobody cancels it.
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn new_by(points: &Points, progress: &Progress) -> Result<Self, Canceled> {
+        Ok(Self(match points.dimension() {
+            1..=3 => Tree::D3(build(points, progress)?),
+            4 => Tree::D4(build(points, progress)?),
+            _ => Tree::D8(build(points, progress)?),
+        }))
     }
 
     /// The `count` points nearest to point `i`, itself left out, nearest first; of points at equal distances the first
@@ -179,5 +198,24 @@ impl NearestNeighbors {
     #[must_use]
     pub fn count(&self) -> usize {
         self.count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{NonFinite, PointCloud};
+    use crate::geometry::stars::tests::jitter;
+
+    #[test]
+    fn a_tree_is_left_in_the_middle_of_its_build() {
+        for dimension in [3, 4, 8] {
+            let coordinates = (0..5_000 * dimension as u64).map(jitter).collect();
+            let cloud = PointCloud::new(dimension, coordinates, NonFinite::Reject).unwrap();
+            let points = Points::distinct(&cloud);
+            // every point is looked at a few times
+            let built = SearchTree::new_by(&points, &Progress::canceled_after(4_000));
+            assert_eq!(built.err(), Some(Canceled), "{dimension}");
+        }
     }
 }

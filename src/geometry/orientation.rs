@@ -111,7 +111,12 @@ fn by_patches(n: usize, links: &[Vote], progress: &Progress) -> Result<Vec<bool>
         best.retain(|&k| k != NONE);
         let mut chosen = best;
         let abs = |k: u32| votes[k as usize].1.abs();
-        chosen.par_sort_unstable_by(|&a, &b| abs(b).total_cmp(&abs(a)).then(a.cmp(&b)));
+        progress.leaving(|leave| {
+            chosen.par_sort_unstable_by(|&a, &b| {
+                leave.if_canceled();
+                abs(b).total_cmp(&abs(a)).then(a.cmp(&b))
+            });
+        })?;
         chosen.dedup();
         for chosen in chosen.chunks(BATCH) {
             progress.checkpoint()?;
@@ -132,8 +137,12 @@ fn by_patches(n: usize, links: &[Vote], progress: &Progress) -> Result<Vec<bool>
             }
         }
         // stable: sums do not depend on the sort
-        left.par_sort_by_key(|&(ends, _)| ends);
-        progress.checkpoint()?;
+        progress.leaving(|leave| {
+            left.par_sort_by_key(|&(ends, _)| {
+                leave.if_canceled();
+                ends
+            });
+        })?;
         left.dedup_by(|later, sum| {
             let same = later.0 == sum.0;
             if same {

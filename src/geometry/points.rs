@@ -1,15 +1,8 @@
 //! The points that an analysis computes on, and their way back to the rows of the upload.
 
-use std::convert::Infallible;
-
-use rayon::prelude::*;
-
-use super::morton;
+use super::curve::{Curve, NO_POINT};
 use crate::cloud::PointCloud;
-use crate::progress::Canceled;
-
-/// Marks a row of the upload that carries no result.
-pub(super) const NO_POINT: u32 = u32::MAX;
+use crate::progress::{Canceled, Progress};
 
 /// Why points cannot carry a surface operator.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -79,9 +72,6 @@ pub const POINTS_MIN: usize = 5;
 /// Rows handled between two looks at whether to go on.
 const BATCH: usize = 1 << 18;
 
-/// Extents whose squares double precision holds with room to spare.
-pub(super) const EXTENTS: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
-
 /// Finite, distinct points of `R^d`, recentered to the middle of their bounding box, in Morton order, so that
 /// neighbors in space are neighbors in memory.
 #[derive(Debug, Clone)]
@@ -102,60 +92,33 @@ impl Points {
     /// repetitions of a position are merged.
     #[must_use]
     pub fn distinct(cloud: &PointCloud) -> Self {
-        match Self::ordered(cloud, || Ok::<(), Infallible>(())) {
-            Ok(points) => points,
-            Err(never) => match never {},
-        }
+        Self::along(&Curve::of(cloud))
     }
 
-    /// The same; `check` is asked between its steps whether they go on.
-    pub(super) fn ordered<E>(cloud: &PointCloud, check: impl Fn() -> Result<(), E>) -> Result<Self, E> {
-        let d = cloud.dimension();
-        let (low, high) = cloud.bounding_box().unwrap_or_else(|| (vec![0.0; d], vec![0.0; d]));
-        let extent = longest(&low, &high);
-        // where the middle overflows, the places themselves tell rows apart
-        let is_sound = EXTENTS.contains(&extent);
-        let extent = if is_sound { extent } else { 0.0 };
-        let middle = |(l, h): (&f64, &f64)| if is_sound { l + 0.5 * (h - l) } else { 0.0 };
-        let center: Vec<f64> = low.iter().zip(&high).map(middle).collect();
-        let rows = if cloud.len() < NO_POINT as usize { cloud.len() } else { 0 };
+    /// The same of rows that are ordered already.
+    #[must_use]
+    pub fn along(curve: &Curve<'_>) -> Self {
+        #[allow(clippy::expect_used)]
+        Self::along_by(curve, &Progress::new()).expect("nobody cancels")
+    }
 
-        // + 0.0 turns -0 into 0, so that equal positions are equal in the total order too
-        let centered = |row: usize, axis: usize| cloud.point(row)[axis] - center[axis] + 0.0;
-        let mut order: Vec<(u64, u32)> = (0..rows)
-            .into_par_iter()
-            .filter(|&row| cloud.point(row).iter().all(|x| x.is_finite()))
-            .map(|row| (morton::key((0..d).map(|axis| centered(row, axis)), extent, d), row as u32))
-            .collect();
-        check()?;
-        let position = |row: u32| (0..d).map(move |axis| centered(row as usize, axis));
-        order.par_sort_unstable_by(|&(key_a, a), &(key_b, b)| {
-            key_a
-                .cmp(&key_b)
-                .then_with(|| {
-                    position(a)
-                        .zip(position(b))
-                        .fold(std::cmp::Ordering::Equal, |o, (x, y)| o.then(x.total_cmp(&y)))
-                })
-                .then(a.cmp(&b))
-        });
-
-        check()?;
-        let mut coordinates = Vec::with_capacity(order.len() * d);
-        let mut point_of_row = vec![NO_POINT; rows];
-        let mut row_of_point: Vec<u32> = Vec::with_capacity(order.len());
-        for (k, &(_, row)) in order.iter().enumerate() {
+    /// The same, as long as nobody cancels it.
+    pub(super) fn along_by(curve: &Curve<'_>, progress: &Progress) -> Result<Self, Canceled> {
+        let d = curve.cloud.dimension();
+        let mut coordinates = Vec::with_capacity(curve.len() * d);
+        let mut point_of_row = vec![NO_POINT; curve.rows];
+        let mut row_of_point: Vec<u32> = Vec::with_capacity(curve.len());
+        for (k, (row, is_first)) in curve.order().enumerate() {
             if k.is_multiple_of(BATCH) {
-                check()?;
+                progress.checkpoint()?;
             }
-            let repeated = row_of_point.last().is_some_and(|&previous| position(previous).eq(position(row)));
-            if !repeated {
+            if is_first {
                 row_of_point.push(row);
-                coordinates.extend(position(row));
+                coordinates.extend_from_slice(&curve.position(row)[..d]);
             }
             point_of_row[row as usize] = row_of_point.len() as u32 - 1;
         }
-        let duplicates = order.len() - row_of_point.len();
+        let duplicates = curve.len() - row_of_point.len();
         Ok(Self { dimension: d, coordinates, unit: 1.0, point_of_row, row_of_point, duplicates })
     }
 
@@ -247,42 +210,6 @@ impl Points {
             .fold(0.0, f64::max)
     }
 
-    /// Number of dimensions, at most `enough`, that the points span: farthest points first, until no point is farther
-    /// from the flat through them than rounding explains.
-    pub(super) fn dimensions_spanned(&self, enough: usize) -> usize {
-        if self.len() == 0 {
-            return 0;
-        }
-        let origin = self.point(0);
-        let mut axes: Vec<Vec<f64>> = Vec::new();
-        let mut size = 0.0;
-        while axes.len() < enough {
-            let residual = |i: usize| {
-                let mut offset: Vec<f64> = difference(self.point(i), origin).collect();
-                for axis in &axes {
-                    let along: f64 = offset.iter().zip(axis).map(|(x, a)| x * a).sum();
-                    offset.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
-                }
-                offset
-            };
-            let squared = |offset: &[f64]| offset.iter().map(|x| x * x).sum::<f64>();
-            let farthest = (0..self.len())
-                .map(residual)
-                .max_by(|a, b| squared(a).total_cmp(&squared(b)))
-                .unwrap_or_default();
-            let far = squared(&farthest);
-            if axes.is_empty() {
-                size = far;
-            }
-            // single-precision files carry relative coordinate errors of 6e-8
-            if far <= 1e-12 * size {
-                break;
-            }
-            axes.push(farthest.iter().map(|x| x / far.sqrt()).collect());
-        }
-        axes.len()
-    }
-
     /// Number of points n.
     #[must_use]
     #[allow(clippy::len_without_is_empty)] // never empty once prepared
@@ -338,11 +265,6 @@ impl Points {
     pub fn rows(&self) -> usize {
         self.point_of_row.len()
     }
-}
-
-/// Longest side of a box.
-pub(super) fn longest(low: &[f64], high: &[f64]) -> f64 {
-    low.iter().zip(high).map(|(l, h)| h - l).fold(0.0, f64::max)
 }
 
 /// Squared Euclidean distance.

@@ -1,8 +1,9 @@
 //! What decides whether an analysis can begin with a cloud's points.
 
-use super::points::{EXTENTS, GeometryError, NO_POINT, POINTS_MIN, Points, longest};
+use super::curve::{Curve, EXTENTS, NO_POINT};
+use super::points::{GeometryError, POINTS_MIN, Points};
 use crate::cloud::PointCloud;
-use crate::progress::Progress;
+use crate::progress::{Canceled, Progress};
 
 /// What decides whether an analysis can begin with a cloud's points.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -20,13 +21,22 @@ pub struct Span {
 }
 
 impl Span {
-    /// That of the distinct points of a cloud, where `enough` dimensions are as good as more.
+    /// That of the rows of a cloud, where `enough` dimensions are as good as more.
     #[must_use]
-    pub fn of(cloud: &PointCloud, points: &Points, enough: usize) -> Self {
-        let extent = cloud.bounding_box().map_or(0.0, |(low, high)| longest(&low, &high));
-        let dimensions = if EXTENTS.contains(&extent) { points.dimensions_spanned(enough) } else { 0 };
-        let (rows, ambient) = (cloud.len(), cloud.dimension());
-        Self { rows, ambient, distinct: points.len(), extent: extent.min(f64::MAX), dimensions }
+    pub fn of(curve: &Curve<'_>, enough: usize) -> Self {
+        #[allow(clippy::expect_used)]
+        Self::by(curve, curve.order().filter(|&(_, is_first)| is_first).count(), enough, &Progress::new())
+            .expect("nobody cancels")
+    }
+
+    /// The same where the number of `distinct` positions is known, as long as nobody cancels it.
+    fn by(curve: &Curve<'_>, distinct: usize, enough: usize, progress: &Progress) -> Result<Self, Canceled> {
+        let extent = curve.extent;
+        let dimensions =
+            if EXTENTS.contains(&extent) { curve.dimensions_spanned(enough, progress)? } else { 0 };
+        progress.checkpoint()?;
+        let (rows, ambient) = (curve.cloud.len(), curve.cloud.dimension());
+        Ok(Self { rows, ambient, distinct, extent: extent.min(f64::MAX), dimensions })
     }
 
     /// Checks that the points can sample a manifold.
@@ -73,9 +83,9 @@ impl Points {
         intrinsic: usize,
         progress: &Progress,
     ) -> Result<Self, GeometryError> {
-        let points = Self::ordered(cloud, || progress.checkpoint())?;
-        progress.checkpoint()?;
-        Span::of(cloud, &points, intrinsic).check(intrinsic)?;
+        let curve = Curve::by(cloud, progress)?;
+        let points = Self::along_by(&curve, progress)?;
+        Span::by(&curve, points.len(), intrinsic, progress)?.check(intrinsic)?;
         progress.checkpoint()?;
         Ok(points)
     }

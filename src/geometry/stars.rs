@@ -167,7 +167,12 @@ impl Stars {
                 .collect();
             links.extend(batch);
         }
-        links.par_sort_unstable_by_key(|link| link.ends);
+        progress.leaving(|leave| {
+            links.par_sort_unstable_by_key(|link| {
+                leave.if_canceled();
+                link.ends
+            });
+        })?;
         Ok(links)
     }
 

@@ -41,11 +41,9 @@ pub fn strays(
     }
     let mutual = |i: usize| {
         let is_back = move |q: &u32| nearest.of(*q as usize).contains(&(i as u32));
-        let around = if progress.is_canceled() { &[] } else { nearest.of(i) };
-        around.iter().copied().filter(is_back)
+        nearest.of(i).iter().copied().filter(is_back)
     };
-    let found = components(points.len(), mutual);
-    progress.checkpoint()?;
+    let found = components(points.len(), mutual, progress)?;
     let Some(surface) = (0..found.size.len()).max_by_key(|&group| (found.size[group], usize::MAX - group))
     else {
         return Ok(Vec::new());

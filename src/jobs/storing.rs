@@ -7,8 +7,9 @@ use super::attempt_error::AttemptError;
 use super::compute::Compute;
 use super::own_coefficients::own_coefficients;
 
-use crate::analysis::JobKind;
+use crate::analysis::{AnalysisError, JobKind};
 use crate::cloud::PointCloud;
+use crate::progress::Progress;
 use crate::store::{ArrayName, BasisValues, Claim, Numbers, Store};
 
 /// Bases of one transaction, in bytes. Commits wait for the disk, and every other writer waits for the transaction.
@@ -22,6 +23,7 @@ pub(super) async fn store_arrays(
     claim: &Claim,
     cloud: &Arc<PointCloud>,
     results: &Arc<dyn Results>,
+    progress: &Arc<Progress>,
 ) -> Result<(), AttemptError> {
     store.begin_result(claim).await?;
     let computed = Arc::clone(results);
@@ -45,8 +47,9 @@ pub(super) async fn store_arrays(
     }
     if results.bases() > 0 {
         let (cloud, computed) = (Arc::clone(cloud), Arc::clone(results));
-        let chunk_points = claim.job.chunk_points;
-        let own = compute.run(move || own_coefficients(&cloud, &*computed, chunk_points)).await?;
+        let (chunk_points, progress) = (claim.job.chunk_points, Arc::clone(progress));
+        let own = move || own_coefficients(&cloud, &*computed, chunk_points, &progress);
+        let own = compute.run(own).await?.map_err(AnalysisError::from)?;
         store.put_coefficients(claim, own).await?;
     }
     Ok(())

@@ -17,6 +17,7 @@ use super::memory_gate::{MemoryGate, Reservation};
 use super::storing::store_arrays;
 use super::task::Task;
 use crate::cloud::PointCloud;
+use crate::progress::Progress;
 use crate::store::{Claim, JobRecord, JobState, Milliseconds, Order, Store, StoreError, Vitals};
 
 /// How long a database that cannot be reached is waited for, and between two attempts to reach it.
@@ -139,7 +140,7 @@ impl Worker {
         let until = Instant::now() + PATIENCE;
         loop {
             // Stored again from its beginning: what a lost connection had stored of it is cleared first.
-            match self.keep(claim, &cloud, &results, &vitals).await {
+            match self.keep(claim, &cloud, &results, &vitals, &task.progress).await {
                 Err(error) => self.wait_for_database(error, until).await?,
                 ended => return ended,
             }
@@ -162,8 +163,9 @@ impl Worker {
         cloud: &Arc<PointCloud>,
         results: &Arc<dyn Results>,
         vitals: &Vitals,
+        progress: &Arc<Progress>,
     ) -> Result<JobState, AttemptError> {
-        store_arrays(&self.store, &self.compute, claim, cloud, results).await?;
+        store_arrays(&self.store, &self.compute, claim, cloud, results, progress).await?;
         Ok(self.store.finish(claim, results.report(), vitals).await?)
     }
 

@@ -25,8 +25,12 @@ pub fn stiffness(cells: &Cells, progress: &Progress) -> Result<Sparse, Canceled>
     };
     let mut unseen: Vec<(u32, u32, f64)> =
         (0..n).into_par_iter().with_min_len(1 << 12).flat_map_iter(one_sided).collect();
-    unseen.par_sort_unstable_by_key(|&(q, p, _)| (q, p));
-    progress.checkpoint()?;
+    progress.leaving(|leave| {
+        unseen.par_sort_unstable_by_key(|&(q, p, _)| {
+            leave.if_canceled();
+            (q, p)
+        });
+    })?;
     Sparse::stiffness(
         n,
         || (),

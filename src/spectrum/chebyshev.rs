@@ -189,7 +189,9 @@ mod tests {
         let side = 40;
         let n = side * side;
         let first = 4.0 * std::f64::consts::PI / n as f64;
-        let problem = Problem::new(LaplaceBeltrami::narrow(grid(side, 0.3), vec![1.0; n]), first);
+        let problem =
+            Problem::new(LaplaceBeltrami::narrow(grid(side, 0.3), vec![1.0; n]), first, &Progress::new())
+                .unwrap();
         let order: Vec<u32> = (0..n as u32).collect();
         let exact = Symbolic::analyze(&problem.matrix, order.clone(), &Progress::new()).unwrap();
         let exact = exact.factor_double(&problem.matrix, problem.shift, &Progress::new()).unwrap();

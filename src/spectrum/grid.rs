@@ -2,6 +2,7 @@
 
 use super::Problem;
 use crate::operator::{LaplaceBeltrami, Sparse};
+use crate::progress::Progress;
 
 /// The 5-point stencil on a `side × side` grid with unit masses: eigenvalues
 /// `4 sin²(πa/2m) + 4 sin²(πb/2m)`, a, b = 0 … m−1 (the tensor product of paths).
@@ -20,10 +21,9 @@ pub(super) fn grid(side: usize) -> Problem {
     };
     let stiffness =
         Sparse::stiffness(side * side, || (), weights, |_| Ok::<_, std::convert::Infallible>(())).unwrap();
-    Problem::new(
-        LaplaceBeltrami::narrow(stiffness, vec![1.0; side * side]),
-        4.0 * std::f64::consts::PI / (side * side) as f64,
-    )
+    let first = 4.0 * std::f64::consts::PI / (side * side) as f64;
+    let mass = vec![1.0; side * side];
+    Problem::new(LaplaceBeltrami::narrow(stiffness, mass), first, &Progress::new()).unwrap()
 }
 
 /// Its eigenvalues, ascending.

@@ -6,6 +6,7 @@ use super::vectors::block::Block;
 use super::vectors::scalar::Scalar;
 use crate::geometry::{Components, components};
 use crate::operator::{LaplaceBeltrami, Sparse, Structure};
+use crate::progress::{Canceled, Progress};
 
 /// Rows summed by one task; fixed, so that sums repeat bit for bit.
 const ROWS_PER_TASK: usize = 8_192;
@@ -33,11 +34,17 @@ pub struct Problem {
 
 impl Problem {
     /// Scales the stiffness of an operator whose first non-zero eigenvalues are of the size of `first_eigenvalue`.
-    #[must_use]
-    pub fn new(laplacian: LaplaceBeltrami, first_eigenvalue: f64) -> Self {
+    ///
+    /// # Errors
+    /// [`Canceled`].
+    pub fn new(
+        laplacian: LaplaceBeltrami,
+        first_eigenvalue: f64,
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
         let stiffness = &laplacian.stiffness;
-        let found = components(stiffness.rows(), |i| stiffness.neighbors(i));
-        Self::with_components(laplacian, found, first_eigenvalue)
+        let found = components(stiffness.rows(), |i| stiffness.neighbors(i), progress)?;
+        Ok(Self::with_components(laplacian, found, first_eigenvalue))
     }
 
     /// The same where the components are known.

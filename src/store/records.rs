@@ -7,7 +7,7 @@ use uuid::Uuid;
 use super::{Milliseconds, Owner};
 use crate::analysis::{Examined, JobKind, Parameters, Report};
 use crate::arguments::words;
-use crate::cloud::{Grid, Origin, ScalarType};
+use crate::cloud::{Grid, Origin, ScalarType, bytes_in_memory};
 use crate::progress::Phase;
 
 /// Name and type of a per-point scalar.
@@ -61,9 +61,7 @@ impl CloudRecord {
     /// Bytes of memory that the cloud takes when it is loaded.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        let numbers = self.points.saturating_mul((self.dimension + self.fields.len()) as u64);
-        // a triangle, and its place in a polygon
-        numbers.saturating_mul(8).saturating_add(self.faces.saturating_mul(12 + 4))
+        bytes_in_memory(self.points, self.dimension + self.fields.len(), self.faces)
     }
 }
 

@@ -110,6 +110,28 @@ async fn posted_numbers_take_a_few_times_their_text() {
     assert!(growth < 5 * BYTES + (64 << 20), "{growth}");
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_takes_what_is_reserved_for_it() {
+    const POINTS: u64 = 4_000_000;
+    let directory = tempfile::tempdir().unwrap();
+    let process = Process::start(&directory.path().join("upload.db"));
+    process.json("/readyz").await;
+    let mut file = format!("ply\nformat binary_little_endian 1.0\nelement vertex {POINTS}\n").into_bytes();
+    file.extend(b"property float x\nproperty float y\nproperty float z\nend_header\n");
+    // a generator of all residues (Knuth 1997, 3.2.1.2): no point repeats another
+    let numbers =
+        std::iter::successors(Some(1_u32), |x| Some(x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223)));
+    file.extend(numbers.take(3 * POINTS as usize).flat_map(|x| (x as f32).to_le_bytes()));
+    let bytes = file.len() as u64;
+    let before = resident(process.id());
+    forget_peak(process.id());
+    let stored = process.client.put(format!("{}/clouds/scan.ply?analyze=false", process.address));
+    assert_eq!(stored.body(file).send().await.unwrap().status(), reqwest::StatusCode::CREATED);
+    let growth = peak(process.id()).saturating_sub(before);
+    println!("{} MiB of PLY uploaded: resident memory grew by {} MiB", bytes >> 20, growth >> 20);
+    assert!(growth < 5 * bytes + (16 << 20), "{growth}");
+}
+
 /// What the service reserves for a pixel of a picture (`http/results/view.rs`).
 const PIXEL_BYTES: u64 = 124;
 

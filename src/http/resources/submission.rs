@@ -109,6 +109,9 @@ impl JobArguments {
     }
 }
 
+/// Bytes of memory that storing a cloud takes beside it: a few chunks, cut and written.
+const STORED_AT_ONCE: u64 = 8 << 20;
+
 /// What is queued on a cloud.
 type Job = (JobKind, Parameters);
 
@@ -237,7 +240,7 @@ async fn receive(
     let (kind, parameters) = job.checked(service.limits.bases_max)?;
     let (parts, owner) = (body.parts().clone(), body.owner());
     let wait = preferred_wait(&parts.headers);
-    let (mut upload, reservation) = Upload::receive(service, body).await?;
+    let (mut upload, mut reservation) = Upload::receive(service, body).await?;
     upload.file_name = upload.file_name.or(file_name);
     let named = upload.bytes.clone();
     let key = move || Idempotency::of(&parts.headers, &parts.uri, &named);
@@ -250,6 +253,7 @@ async fn receive(
     let options = reading.options(service.limits.reader());
     let (cloud, examined, job) =
         service.pools.reading.run(move || read(upload, reading.format, &options, job, lowers)).await??;
+    reservation.keep(cloud.bytes() + STORED_AT_ONCE);
     let mut submitted = service.store.submit_shared(&owner, Arc::new(cloud), &examined, job).await?;
     if let (Some(name), None) = (name, &submitted.cloud.name) {
         submitted.cloud = service.store.name_cloud(submitted.cloud.id, name).await?;

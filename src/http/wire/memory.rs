@@ -219,9 +219,13 @@ impl Reservation {
 
     /// The body is there, and has `bytes` bytes: gives back what was reserved beyond.
     pub(crate) fn arrived(&mut self, bytes: u64) {
+        self.keep(bytes.saturating_mul(FACTOR));
+    }
+
+    /// The body is gone, and what it became takes `bytes` bytes of memory: gives back what was reserved beyond.
+    pub(crate) fn keep(&mut self, bytes: u64) {
         let Some(budget) = self.budget.clone() else { return };
-        let target = bytes.saturating_mul(FACTOR);
-        let (small, bodies) = (self.small.saturating_sub(target), self.bodies.saturating_sub(target));
+        let (small, bodies) = (self.small.saturating_sub(bytes), self.bodies.saturating_sub(bytes));
         {
             let mut held = budget.lock();
             held.small -= small;

@@ -59,7 +59,8 @@ pub(super) fn coarser<'a>(
     for component in 0..components.size.len() {
         let own: Vec<usize> = (0..count).filter(|&r| label(roots[r] as usize) == component).collect();
         let at = |&r: &usize| position(roots[r]);
-        let Some(points) = points_at(own.iter().flat_map(at).copied().collect()) else { return Ok(None) };
+        let coordinates = own.iter().flat_map(at).copied().collect();
+        let Some(points) = points_at(coordinates, progress)? else { return Ok(None) };
         for (row, root) in own.iter().enumerate() {
             let Some(point) = points.of_row(row) else { return Ok(None) };
             let point = coarse.mass.len() + point;
@@ -74,7 +75,7 @@ pub(super) fn coarser<'a>(
     let stiffness =
         Sparse::from_rows(count, || (), |i, (), row| row.extend_from_slice(&rows[i]), |_| Ok(()))?;
     drop(rows);
-    let coarse = Problem::new(LaplaceBeltrami::narrow(stiffness, mass), first_eigenvalue);
+    let coarse = Problem::new(LaplaceBeltrami::narrow(stiffness, mass), first_eigenvalue, progress)?;
     if coarse.zero_modes() > COMPONENTS_MAX {
         return Ok(None);
     }
@@ -104,9 +105,13 @@ pub(super) fn coarser<'a>(
 }
 
 /// Points of a surface in space; none where they do not span a plane.
-fn points_at(coordinates: Vec<f64>) -> Option<Points> {
-    let cloud = PointCloud::new(3, coordinates, NonFinite::Reject).ok()?;
-    Points::prepare(&cloud, 2).ok().filter(|points| points.len() == cloud.len())
+fn points_at(coordinates: Vec<f64>, progress: &Progress) -> Result<Option<Points>, Canceled> {
+    let Ok(cloud) = PointCloud::new(3, coordinates, NonFinite::Reject) else { return Ok(None) };
+    match Points::prepare_by(&cloud, 2, progress) {
+        Ok(points) => Ok(Some(points).filter(|points| points.len() == cloud.len())),
+        Err(GeometryError::Canceled(canceled)) => Err(canceled),
+        Err(_) => Ok(None),
+    }
 }
 
 /// Finite volumes of several clouds, one after the other.
@@ -133,7 +138,7 @@ impl Pieces {
     }
 
     fn triangulate(&mut self, points: &Points, progress: &Progress) -> Result<(), GeometryError> {
-        let tree = SearchTree::new(points);
+        let tree = SearchTree::new_by(points, progress)?;
         let nearest = NearestNeighbors::find(&tree, points, NEIGHBORS, progress)?;
         let frames = frames(points, &nearest, 2, progress)?;
         let survey = Survey { points, tree: &tree, nearest: &nearest, rules: Rules::default() };
@@ -169,6 +174,7 @@ mod tests {
             .chunks_exact(3)
             .flat_map(|p| [[p[0], p[1], p[2]], [p[0] + 2.02, p[1], p[2]]].concat())
             .collect();
+        let points_at = |at: Vec<f64>| points_at(at, &Progress::new()).unwrap();
         let points = points_at(both).unwrap();
         let mut pieces = Pieces::with_room(12_000);
         let half = |right: bool| -> Points {
@@ -186,7 +192,7 @@ mod tests {
         let Pieces { rows, mass, .. } = pieces;
         let all = |i: usize, (): &mut (), row: &mut Vec<(u32, f64)>| row.extend_from_slice(&rows[i]);
         let stiffness = Sparse::from_rows(12_000, || (), all, |_| Ok::<(), Canceled>(())).unwrap();
-        let fine = Problem::new(LaplaceBeltrami::narrow(stiffness, mass), 2.0);
+        let fine = Problem::new(LaplaceBeltrami::narrow(stiffness, mass), 2.0, &Progress::new()).unwrap();
         assert_eq!(fine.zero_modes(), 2);
         let at = |i: u32| &positions[i as usize][..];
         let level = coarser(&fine, &fine.matrix, at, 2.0, &Progress::new()).unwrap().unwrap();

@@ -56,7 +56,7 @@ impl Surface {
             }
         };
         let weyl = Weyl { first, dimension: 2, t: kernel.map(|kernel| kernel.t) };
-        Self { points, problem: Problem::new(laplacian, first), narrow, weyl }
+        Self { points, problem: Problem::new(laplacian, first, &Progress::new()).unwrap(), narrow, weyl }
     }
 
     fn request<'a>(&'a self, count: usize, tolerance: f64) -> Request<'a, impl Fn(u32) -> &'a [f64] + Sync> {

@@ -304,18 +304,22 @@ fn add(x: &mut Block, y: &Block) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spectrum::factor::nested_dissection;
+    use crate::spectrum::factor::{Elimination, nested_dissection};
     use crate::spectrum::grid::{grid, grid_eigenvalues};
     use crate::spectrum::vectors::start;
 
     const SIDE: usize = 150;
 
+    fn dissected(matrix: &Sparse, progress: &Progress) -> Result<Elimination, Canceled> {
+        let positions: Vec<[f64; 2]> =
+            (0..SIDE * SIDE).map(|i| [(i % SIDE) as f64, (i / SIDE) as f64]).collect();
+        nested_dissection(matrix, |i| &positions[i as usize], progress)
+    }
+
     /// The analysis of a grid that is large enough for parts.
     fn analyzed() -> (crate::spectrum::Problem, Symbolic) {
         let problem = grid(SIDE);
-        let positions: Vec<[f64; 2]> =
-            (0..SIDE * SIDE).map(|i| [(i % SIDE) as f64, (i / SIDE) as f64]).collect();
-        let elimination = nested_dissection(&problem.matrix, |i| &positions[i as usize]);
+        let elimination = dissected(&problem.matrix, &Progress::new()).unwrap();
         assert!(elimination.parts.len() > 1);
         let symbolic = Symbolic::analyze(&problem.matrix, elimination, &Progress::new()).unwrap();
         // most rows are in parts, some in none
@@ -433,5 +437,8 @@ mod tests {
         assert_eq!(factor.solve(&mut Block::zeros(problem.size(), 1), &progress), Err(Canceled));
         let canceled = symbolic.factor(&problem.matrix, problem.shift, &progress);
         assert_eq!(canceled.err(), Some(FactorError::Canceled(Canceled)));
+        // in the middle of the first split: all points are compared
+        let canceled = dissected(&problem.matrix, &Progress::canceled_after(10_000));
+        assert_eq!(canceled, Err(Canceled));
     }
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::operator::Sparse;
+use crate::progress::{Canceled, Progress};
 
 /// Parts of at most this many points are not split further.
 const LEAF: usize = 64;
@@ -34,11 +35,18 @@ impl From<Vec<u32>> for Elimination {
 /// row in the factor at 600,000 points.
 ///
 /// `position(i)` are the coordinates of row `i` of `matrix`.
-pub fn nested_dissection<'a>(matrix: &Sparse, position: impl Fn(u32) -> &'a [f64] + Sync) -> Elimination {
+///
+/// # Errors
+/// [`Canceled`].
+pub fn nested_dissection<'a>(
+    matrix: &Sparse,
+    position: impl Fn(u32) -> &'a [f64] + Sync,
+    progress: &Progress,
+) -> Result<Elimination, Canceled> {
     let n = matrix.rows();
     // the number of the split that put a point to the right last; 0 before the first
     let right_of: Vec<AtomicU32> = (0..n).map(|_| AtomicU32::new(0)).collect();
-    let dissection = Dissection { matrix, position: &position, right_of: &right_of };
+    let dissection = Dissection { matrix, position: &position, right_of: &right_of, progress };
     let apart = (n >= 2 * PART_MIN).then_some(SPLITS);
     dissection.of((0..n as u32).collect(), 1, apart)
 }
@@ -48,23 +56,27 @@ struct Dissection<'d, P> {
     matrix: &'d Sparse,
     position: &'d P,
     right_of: &'d [AtomicU32],
+    progress: &'d Progress,
 }
 
 impl<'a, P: Fn(u32) -> &'a [f64] + Sync> Dissection<'_, P> {
     /// The order of some points, of which the split is number `split`, and after how many splits their parts are told; none
     /// within such a part.
-    fn of(&self, mut part: Vec<u32>, split: u32, apart: Option<u32>) -> Elimination {
+    fn of(&self, mut part: Vec<u32>, split: u32, apart: Option<u32>) -> Result<Elimination, Canceled> {
         let is_part = apart.is_some_and(|left| left == 0 || part.len() < 2 * PART_MIN);
         let parts: Vec<Range<usize>> = is_part.then_some(0..part.len()).into_iter().collect();
         let apart = apart.filter(|_| !is_part).map(|left| left - 1);
         if part.len() <= LEAF {
-            return Elimination { order: part, parts };
+            return Ok(Elimination { order: part, parts });
         }
         let axis = longest_axis(&part, self.position);
         let middle = part.len() / 2;
-        part.select_nth_unstable_by(middle, |&i, &j| {
-            (self.position)(i)[axis].total_cmp(&(self.position)(j)[axis]).then(i.cmp(&j))
-        });
+        self.progress.leaving(|leave| {
+            part.select_nth_unstable_by(middle, |&i, &j| {
+                leave.if_canceled();
+                (self.position)(i)[axis].total_cmp(&(self.position)(j)[axis]).then(i.cmp(&j))
+            });
+        })?;
         let mut right = part.split_off(middle);
         for &i in &right {
             self.right_of[i as usize].store(split, Ordering::Relaxed);
@@ -75,19 +87,20 @@ impl<'a, P: Fn(u32) -> &'a [f64] + Sync> Dissection<'_, P> {
         if left.is_empty() {
             // everything touches: a clique; any order fills alike
             right.extend(separator);
-            return Elimination { order: right, parts };
+            return Ok(Elimination { order: right, parts });
         }
         // selection scrambles; ascending indices keep neighbors together
         left.sort_unstable();
         right.sort_unstable();
         let sides = (|| self.of(right, 2 * split, apart), || self.of(left, 2 * split + 1, apart));
-        let (mut all, left) =
+        let (all, left) =
             if middle < PART_MIN { (sides.0(), sides.1()) } else { rayon::join(sides.0, sides.1) };
+        let (mut all, left) = (all?, left?);
         let offset = all.order.len();
         all.order.extend(left.order);
         all.order.extend(separator);
         all.parts.extend(left.parts.into_iter().map(|part| part.start + offset..part.end + offset));
-        if is_part { Elimination { order: all.order, parts } } else { all }
+        Ok(if is_part { Elimination { order: all.order, parts } } else { all })
     }
 }
 

@@ -33,8 +33,7 @@ impl Symbolic {
         position: impl Fn(u32) -> &'a [f64] + Sync,
         progress: &Progress,
     ) -> Result<Self, FactorError> {
-        let elimination = nested_dissection(matrix, position);
-        progress.checkpoint()?;
+        let elimination = nested_dissection(matrix, position, progress)?;
         let symbolic = Self::analyze(matrix, elimination, progress)?;
         progress.checkpoint()?;
         Ok(symbolic)

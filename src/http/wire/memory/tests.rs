@@ -25,6 +25,10 @@ async fn bodies_take_five_times_what_has_come_and_give_it_back() {
     assert_eq!(memory.taken(), 20 * MB);
     held.arrived(3 * MB);
     assert_eq!(memory.taken(), 15 * MB);
+    held.keep(7 * MB);
+    assert_eq!(memory.taken(), 7 * MB, "what is left of it once it is read");
+    held.keep(9 * MB);
+    assert_eq!(memory.taken(), 7 * MB);
     drop(held);
     assert_eq!(memory.taken(), 0);
 }
