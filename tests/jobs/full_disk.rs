@@ -194,13 +194,13 @@ async fn a_file_that_may_not_grow_takes_again_what_fits_once_something_was_delet
 async fn fill_up(store: &Store) -> Vec<Uuid> {
     let mut stored = Vec::new();
     for points in [LARGE, 2_000, 100, 5] {
-        loop {
+        let refused = loop {
             match store.submit(&cloud(points, 10_000 + stored.len() as u32), None).await {
                 Ok(submitted) => stored.push(submitted.cloud.id),
-                Err(StoreError::StorageFull) => break,
-                Err(other) => panic!("{other}"),
+                Err(error) => break error,
             }
-        }
+        };
+        assert!(matches!(refused, StoreError::StorageFull), "{refused}");
     }
     stored
 }
