@@ -8,12 +8,15 @@ use utoipa::openapi::path::{Operation, Parameter};
 use utoipa::openapi::schema::{ObjectBuilder, SchemaFormat, Type};
 use utoipa::openapi::{Content, KnownFormat, OpenApi, RefOr, Schema};
 
-use super::resources::files::Named;
 use super::wire::accept::Offer;
 
-/// Completes a document: every format on offer, every file, and bytes as such. `unnamed` are paths whose answers have
-/// several formats and no files; of two methods, POST is meant.
-pub(super) fn complete(mut document: OpenApi, named: &[Named], unnamed: &[(&str, &[Offer])]) -> OpenApi {
+/// Completes a document: every format on offer, every file, and bytes as such. `named` are paths with a file for each of their
+/// formats; `unnamed` are paths whose answers have several formats and no files; of two methods, POST is meant.
+pub(super) fn complete(
+    mut document: OpenApi,
+    named: &[(String, &[Offer])],
+    unnamed: &[(&str, &[Offer])],
+) -> OpenApi {
     for &(path, offers) in unnamed {
         if let Some(item) = document.paths.paths.get_mut(path)
             && let Some(operation) = item.post.as_mut().or(item.get.as_mut())
@@ -21,9 +24,9 @@ pub(super) fn complete(mut document: OpenApi, named: &[Named], unnamed: &[(&str,
             offer(operation, offers);
         }
     }
-    for &Named { name, offers, .. } in named {
-        let path = format!("/jobs/{{id}}/{name}");
-        let Some(item) = document.paths.paths.get_mut(&path) else { continue };
+    for &(ref path, offers) in named {
+        let name = path.rsplit('/').next().unwrap_or(path);
+        let Some(item) = document.paths.paths.get_mut(path) else { continue };
         let Some(operation) = &mut item.get else { continue };
         offer(operation, offers);
         let operation = operation.clone();

@@ -73,18 +73,21 @@ fn routes() -> OpenApiRouter<Shared> {
         .routes(routes!(distances::distances))
         .routes(routes!(similarity::similarity))
         .merge(files::router())
+        .merge(points::files())
 }
 
 /// The OpenAPI document of all routes.
 #[must_use]
 pub fn document() -> OpenApi {
     let unnamed = [
-        ("/clouds/{id}/points", points::ReadPoints::OFFERS),
         ("/jobs/{id}/coefficients", coefficients::ReadCoefficients::OFFERS),
         ("/jobs/{id}/laplacian", laplacian::ApplyLaplacian::OFFERS),
         ("/jobs/{id}/synthesis", coefficients::Synthesize::OFFERS),
     ];
-    examples::illustrate(generators::complete(routes().into_openapi(), &files::NAMED, &unnamed))
+    let results = files::NAMED.iter().map(|result| (format!("/jobs/{{id}}/{}", result.name), result.offers));
+    let files: Vec<_> =
+        results.chain([("/clouds/{id}/points".to_owned(), points::ReadPoints::OFFERS)]).collect();
+    examples::illustrate(generators::complete(routes().into_openapi(), &files, &unnamed))
 }
 
 /// Made once, when it is first asked for: it takes milliseconds.

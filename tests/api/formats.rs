@@ -95,6 +95,33 @@ async fn a_survey_in_las_comes_back_in_every_format_to_the_last_digit() {
 }
 
 #[tokio::test]
+async fn points_under_a_file_name_are_those_of_the_format() {
+    let service = Service::start().await;
+    let path = stored(&service, file(&survey(), Format::Las)).await;
+    let capabilities = service.json("/capabilities").await;
+    for format in capabilities["formats"]["points"].as_array().unwrap() {
+        let name = format["name"].as_str().unwrap();
+        if ["obj", "off", "stl"].contains(&name) {
+            continue; // without faces
+        }
+        let named = service.get(&format!("{path}.{name}")).await;
+        assert_eq!(named.status(), StatusCode::OK, "{name}");
+        assert_eq!(named.headers()["content-type"], format["media_type"].as_str().unwrap());
+        let asked = service.get(&format!("{path}?format={name}")).await;
+        assert_eq!(named.headers()["etag"], asked.headers()["etag"]);
+        assert_eq!(named.bytes().await.unwrap(), asked.bytes().await.unwrap(), "{name}");
+    }
+    let told = problem(
+        service.get(&format!("{path}.ply?format=npy")).await,
+        StatusCode::UNPROCESSABLE_ENTITY,
+        "unknown-parameter",
+    )
+    .await;
+    assert!(detail(&told).contains("format"), "{told}");
+    problem(service.get(&format!("{path}.docx")).await, StatusCode::NOT_FOUND, "not-found").await;
+}
+
+#[tokio::test]
 async fn points_are_had_as_meshes_and_pcd_and_without_rows_that_have_no_position() {
     let service = Service::start().await;
     let text = b"OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 nan 0\n3 0 1 2\n".to_vec();

@@ -5,8 +5,10 @@ use std::sync::Arc;
 use axum::extract::{Path, State};
 use axum::http::{Extensions, HeaderMap, Method};
 use axum::response::Response;
+use axum::routing::get;
 use serde::Serialize;
 use utoipa::ToSchema;
+use utoipa_axum::router::OpenApiRouter;
 
 use crate::arguments::groups;
 use crate::cloud::PointCloud;
@@ -74,16 +76,31 @@ pub(crate) struct Points {
     )
 )]
 pub(crate) async fn points(
-    State(service): State<Shared>,
-    Path(id): Path<String>,
-    method: Method,
+    asked: Asked,
     FromQuery(Offered { typed, format }): FromQuery<Offered<ReadPoints>>,
-    headers: HeaderMap,
-    extensions: Extensions,
 ) -> Result<Response, Problem> {
-    let offer = accept::choose(format, &headers, ReadPoints::OFFERS)?;
+    let offer = accept::choose(format, &asked.2, ReadPoints::OFFERS)?;
+    answer(asked, typed, offer).await
+}
+
+/// The points under file names: `/clouds/{id}/points.npy` is `/clouds/{id}/points?format=npy`.
+pub(crate) fn files() -> OpenApiRouter<Shared> {
+    ReadPoints::OFFERS.iter().fold(OpenApiRouter::new(), |router, &offer| {
+        let file =
+            move |asked: Asked, FromQuery(typed): FromQuery<Typed<ReadPoints>>| answer(asked, typed, offer);
+        router.route(&format!("/clouds/{{id}}/points.{}", offer.name), get(file))
+    })
+}
+
+/// The cloud, method, headers, whose request it is, and where.
+type Asked = (Path<String>, Method, HeaderMap, Extensions, State<Shared>);
+
+async fn answer(
+    (Path(id), method, headers, extensions, State(service)): Asked,
+    Typed { arguments: ReadPoints { ply: Ply { encoding }, rows, view }, array }: Typed<ReadPoints>,
+    offer: Offer,
+) -> Result<Response, Problem> {
     let id = parse_id(&id)?;
-    let Typed { arguments: ReadPoints { ply: Ply { encoding }, rows, view }, array } = typed;
     let omits = rows.nonfinite == Unplaced::Omit;
     let is_streamed = offer == NPY || (offer == PLY && encoding == PlyEncoding::Binary);
     let tag = if is_streamed {
