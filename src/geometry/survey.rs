@@ -206,7 +206,9 @@ impl Survey<'_> {
         }
         let before = frames.turn_to(&normals);
         let mut which = vec![false; stars.len()];
-        normals.iter().for_each(|&(i, _)| which[i] = true);
+        for &(i, _) in &normals {
+            which[i] = true;
+        }
         // at a rim the triangles that others see lean to one side
         let gains = |i: usize, star: &[Spoke]| {
             star.iter().all(|spoke| spoke.filled)
