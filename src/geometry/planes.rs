@@ -195,19 +195,18 @@ fn turn(frame: &mut [f64], normal: Vector3<f64>) {
     frame[3..].copy_from_slice(y.as_slice());
 }
 
+/// The angle from one offset to another, along the normal of their plane; 0 where they lie on a line.
+pub(super) fn turn_between(a: Vector3<f64>, b: Vector3<f64>) -> Vector3<f64> {
+    let normal = a.cross(&b);
+    let size = normal.norm();
+    if size > 0.0 { normal / size * size.atan2(a.dot(&b)) } else { Vector3::zeros() }
+}
+
 /// Unit normal of the triangles around point `i`, each weighing its angle there (Thürmer and Wüthrich 1998).
 fn star_normal(points: &Points, stars: &Stars, i: usize) -> Option<Vector3<f64>> {
     let p = Vector3::from_column_slice(points.point(i));
     let offset = |q: u32| Vector3::from_column_slice(points.point(q as usize)) - p;
-    let sum: Vector3<f64> = stars
-        .triangles(i)
-        .map(|[_, q, r]| {
-            let (a, b) = (offset(q), offset(r));
-            let normal = a.cross(&b);
-            let size = normal.norm();
-            if size > 0.0 { normal / size * size.atan2(a.dot(&b)) } else { Vector3::zeros() }
-        })
-        .sum();
+    let sum: Vector3<f64> = stars.triangles(i).map(|[_, q, r]| turn_between(offset(q), offset(r))).sum();
     sum.try_normalize(1e-3)
 }
 

@@ -183,8 +183,12 @@ impl Stars {
     /// Whether the other two corners of the triangle behind spoke `k` of point `i` have it in their stars too.
     #[must_use]
     pub fn is_agreed(&self, i: usize, k: usize) -> bool {
-        let [_, q, r] = self.triangle(i, k);
-        self.place(q as usize, [i as u32, r]).is_some() && self.place(r as usize, [i as u32, q]).is_some()
+        self.is_seen_by_others(self.triangle(i, k))
+    }
+
+    /// Whether the second and third corner of a triangle have it in their stars.
+    pub(super) fn is_seen_by_others(&self, [i, q, r]: [u32; 3]) -> bool {
+        self.place(q as usize, [i, r]).is_some() && self.place(r as usize, [i, q]).is_some()
     }
 
     /// The spoke of point `i` behind which the triangle with `others` lies, if it does.

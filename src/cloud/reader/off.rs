@@ -157,6 +157,9 @@ fn read_points(
 ) -> Result<Columns, ReadError> {
     let mut row = Vec::new();
     let mut columns: Option<Columns> = None;
+    let words = |text: &[u8]| text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
+    // Where all vertices stand behind the counts, in their line, lines tell nothing.
+    let by_count = points == 1 || words(tokens.rest) >= points.saturating_mul(variant.width());
     for point in 0..points {
         row.clear();
         let width = columns.as_ref().map(|columns| columns.targets.len());
@@ -173,17 +176,16 @@ fn read_points(
             let is_whole = match width {
                 Some(width) => row.len() >= width,
                 // The first vertex tells by its line, unless that is too short.
-                None => (is_line_end && row.len() >= 3) || (points == 1 && row.len() >= variant.width()),
+                None => (is_line_end && row.len() >= 3) || (by_count && row.len() >= variant.width()),
             };
-            if is_whole && (is_line_end || width.is_none()) {
+            if is_whole && (is_line_end || width.is_none() || by_count) {
                 break;
             }
             // The first one ended where a line ended with all coordinates, and so do the others: one that is short would
             // take the numbers that it lacks from the next.
             let is_short = is_line_end && row.len() >= 3;
             if let (true, Some(width)) = (is_whole || is_short, width) {
-                let more = tokens.rest.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count();
-                let found = row.len() + more;
+                let found = row.len() + words(tokens.rest);
                 let message = format!("vertex {point} has {found} numbers, those before it have {width}");
                 return Err(ReadError::line(FORMAT, line, message));
             }
@@ -333,6 +335,21 @@ mod tests {
         ] {
             assert_eq!(off(text).unwrap_err().to_string(), format!("OFF, line {told}"));
         }
+    }
+
+    #[test]
+    fn a_file_in_one_line_is_read_by_its_counts() {
+        for text in [
+            "OFF 3 1 0 0 0 0 1 0 0 1 1 0 3 0 1 2",
+            "COFF 3 1 0 0 0 0 9 9 9 9 1 0 0 9 9 9 9 1 1 0 9 9 9 9 3 0 1 2\n",
+        ] {
+            let cloud = off(text).unwrap();
+            assert_eq!(
+                (cloud.coordinates(), cloud.faces().len()),
+                (&[0., 0., 0., 1., 0., 0., 1., 1., 0.][..], 1)
+            );
+        }
+        assert!(off("OFF 3 0 0 0 0 0 1 0 0 1 1").is_err(), "a number is missing");
     }
 
     #[test]

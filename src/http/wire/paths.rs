@@ -66,7 +66,8 @@ impl Paths {
         if parts.is_empty() {
             return Vec::new();
         }
-        let parts: Vec<&str> = parts.into_iter().skip_while(|part| PREFIXES.contains(part)).collect();
+        let parts: Vec<&str> =
+            parts.into_iter().skip_while(|part| PREFIXES.contains(&part.to_lowercase().as_str())).collect();
         let known =
             ELSEWHERE.iter().find(|(names, _)| names.contains(&parts.join("/").to_lowercase().as_str()));
         if let Some((_, own)) = known {
@@ -166,6 +167,7 @@ mod tests {
         assert_eq!(near("/jobs/17/basis"), ["/jobs/17/bases"]);
         assert_eq!(near("/jobs/17/cancle"), ["/jobs/17/cancel"]);
         assert_eq!(near("/Jobs/17"), ["/jobs/17"]);
+        assert_eq!(near("/API/V1/jobs/17"), ["/jobs/17"]);
     }
 
     #[test]
