@@ -79,7 +79,8 @@ pub(crate) async fn points(
     asked: Asked,
     FromQuery(Offered { typed, format }): FromQuery<Offered<ReadPoints>>,
 ) -> Result<Response, Problem> {
-    let offer = accept::choose(format, &asked.2, ReadPoints::OFFERS)?;
+    let (_, _, headers, ..) = &asked;
+    let offer = accept::choose(format, headers, ReadPoints::OFFERS)?;
     answer(asked, typed, offer).await
 }
 
