@@ -21,7 +21,7 @@ pub use error::AnalysisError;
 pub use fidelity::Fidelity;
 pub use laplacian::Laplacian;
 use memory::memory_beside_factor;
-pub use memory::memory_estimate;
+pub use memory::{memory_estimate, memory_within};
 pub use parameters::{Additions, JobKind, Parameters, Task};
 pub use report::Report;
 pub use result::{Analysis, SparseMatrix};
@@ -222,7 +222,7 @@ fn eigenpairs(
         method: solution.method,
     });
     report.warn_of_spectrum();
-    Ok(Eigenbasis::new(&problem, solution.vectors, &solution.imaginary))
+    Ok(Eigenbasis::new(&problem, solution.vectors, &solution.imaginary)?)
 }
 
 /// Warns of a cloud that could not be thinned, and refuses pairs that are not what was asked for.

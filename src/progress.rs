@@ -2,8 +2,11 @@
 //!
 //! The library knows no clock: an observer that wants seconds per phase takes the time in its callback.
 
+use std::fs::File;
+use std::io;
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -76,6 +79,9 @@ pub struct Progress {
     held: AtomicU64,
     observer: Option<Observer>,
     grant: Option<Grant>,
+    /// Bytes that are not exceeded where a file can take what is more.
+    most: u64,
+    scratch: Option<PathBuf>,
     /// Looks until it cancels itself.
     #[cfg(test)]
     looks: Option<AtomicU64>,
@@ -92,6 +98,8 @@ impl Default for Progress {
             held: AtomicU64::default(),
             observer: None,
             grant: None,
+            most: u64::MAX,
+            scratch: None,
             #[cfg(test)]
             looks: None,
         }
@@ -116,6 +124,37 @@ impl Progress {
     #[must_use]
     pub fn granting(self, grant: impl Fn(u64) -> bool + Send + Sync + 'static) -> Self {
         Self { grant: Some(Box::new(grant)), ..self }
+    }
+
+    /// Keeps within `most` bytes of memory wherever a file can take what is more.
+    #[must_use]
+    pub fn within(self, most: u64) -> Self {
+        Self { most, ..self }
+    }
+
+    /// Makes such files in `folder`, and not where the system has its temporary ones, which may be memory itself.
+    #[must_use]
+    pub fn scratch_in(self, folder: impl Into<PathBuf>) -> Self {
+        Self { scratch: Some(folder.into()), ..self }
+    }
+
+    /// A new file without a name, which is gone when it is dropped or the process ends.
+    ///
+    /// # Errors
+    /// Those of the file system.
+    pub fn scratch_file(&self) -> io::Result<File> {
+        match &self.scratch {
+            Some(folder) => tempfile::tempfile_in(folder),
+            None => tempfile::tempfile(),
+        }
+    }
+
+    /// Whether there is memory for bytes beside those that are in use; they are then taken. Unlike [`Self::afford_beside`] a
+    /// refusal cancels nothing.
+    #[must_use]
+    pub fn has_room_beside(&self, bytes: u64) -> bool {
+        let all = bytes.saturating_add(self.held.load(Ordering::Relaxed));
+        all <= self.most && self.grant.as_ref().is_none_or(|grant| grant(all))
     }
 
     /// Called before `bytes` bytes in all are in use; a refusal cancels the computation, and [`Self::denied`] tells it from
@@ -279,6 +318,20 @@ mod tests {
         assert_eq!(progress.afford(101), Err(Canceled));
         assert_eq!((progress.denied(), progress.checkpoint()), (Some(101), Err(Canceled)));
         assert_eq!(Progress::new().afford(u64::MAX), Ok(()), "without a grant nothing is refused");
+    }
+
+    #[test]
+    fn what_has_no_room_is_told_without_an_end_and_may_go_to_a_file() {
+        let progress = Progress::new().granting(|bytes| bytes <= 100);
+        progress.hold(40);
+        assert!(progress.has_room_beside(60) && !progress.has_room_beside(61));
+        assert_eq!((progress.denied(), progress.checkpoint()), (None, Ok(())));
+        let progress = Progress::new().within(100);
+        assert!(progress.has_room_beside(100) && !progress.has_room_beside(101));
+        assert_eq!(progress.afford(1_000), Ok(()), "what no file can take is not refused");
+        let folder = tempfile::tempdir().unwrap();
+        progress.scratch_in(folder.path()).scratch_file().unwrap();
+        assert!(Progress::new().scratch_in(folder.path().join("none")).scratch_file().is_err());
     }
 
     #[test]

@@ -25,6 +25,9 @@ pub enum AnalysisError {
     /// A numerical failure: a bug, or a cloud beyond double precision.
     #[error("{0}")]
     Numerical(String),
+    /// The disk refused a file for what does not fit into memory.
+    #[error("{0}")]
+    Scratch(String),
     /// Canceled by the caller.
     #[error(transparent)]
     Canceled(#[from] Canceled),
@@ -43,6 +46,7 @@ impl From<SpectrumError> for AnalysisError {
     fn from(error: SpectrumError) -> Self {
         match error {
             SpectrumError::Canceled(canceled) => Self::Canceled(canceled),
+            SpectrumError::Scratch(reason) => Self::Scratch(reason),
             other => Self::Numerical(other.to_string()),
         }
     }

@@ -6,7 +6,7 @@ use crate::operator::OperatorKind;
 use crate::spectrum::dense::is_dense;
 use crate::spectrum::shift_invert::krylov_vectors_at_end;
 use crate::spectrum::slicing::{SLICE, vectors_held};
-use crate::spectrum::{GROUPS_HELD, GUARDS, group_width};
+use crate::spectrum::{GROUPS_HELD, GUARDS, PROLONGED_BYTES, PROLONGED_KERNEL_BYTES, group_width};
 
 /// Bytes per point of everything that does not grow with bases: the points twice, 20 neighbors, tree, frames, cells.
 const GEOMETRY_BYTES: u64 = 1_100;
@@ -29,6 +29,8 @@ const SINGLE_TOLERANCE: f64 = 1e-6;
 const ENTRY_BYTES: u64 = 40;
 /// Bytes of an entry of the matrix beside its factor: the matrix, and its values in single precision.
 const STORED_BYTES: u64 = 16;
+/// The same of a kernel beside the finite volumes while a sample is solved.
+const HELD_ENTRY_BYTES: u64 = 13;
 /// Bytes of any job: stacks and arenas of its threads, what the allocator has not given back yet, the cloud on its way from
 /// the database.
 const JOB_BYTES: u64 = 46_000_000;
@@ -43,13 +45,10 @@ const PREPARED_BYTES: u64 = 560;
 const HELD_BYTES: u64 = 370;
 /// Beside it what a kernel's rows take.
 const HELD_KERNEL_BYTES: u64 = 490;
+/// The same with [`PROLONGED_BYTES`], where the bases are in a file: nothing is at its largest at the same time.
+const BESIDE_FILE_BYTES: u64 = 470;
 /// Pairs of points that a kernel couples, per point of an even sample, each of which takes [`ENTRY_BYTES`] at first.
 const COUPLED: u64 = 28;
-/// Bytes per point, beside a number in single precision for every basis, while the sample's bases are brought to all points:
-/// the factor of the sample, the transposed weights, and the matrix in single precision.
-const PROLONGED_BYTES: u64 = 230;
-/// The same beside a kernel.
-const PROLONGED_KERNEL_BYTES: u64 = 180;
 /// Four square matrices of doubles: the matrix, its eigenvectors, and what they are found in.
 const DENSE_BYTES: u64 = 4 * 8;
 
@@ -67,25 +66,63 @@ pub fn memory_estimate(
     parameters: &Parameters,
 ) -> u64 {
     match parameters.sample_of(points, dimension, kind) {
-        Some(sample) => {
-            let of_sample = Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() };
-            let solving = estimate(sample, dimension, 0, kind, &of_sample);
-            let [geometry, rows, kernel] = if parameters.operator.is_narrow() {
-                [PREPARED_BYTES, 0, 0]
-            } else {
-                [GEOMETRY_BYTES + COUPLED * ENTRY_BYTES, HELD_KERNEL_BYTES, PROLONGED_KERNEL_BYTES]
-            };
-            let geometry = points.saturating_mul(geometry + 16 * dimension as u64);
-            let beside = points.saturating_mul(HELD_BYTES + rows);
-            // guards and groups of vectors beside the bases
-            let groups = GROUPS_HELD * group_width(points as usize);
-            let singles = 4 * (parameters.bases + GUARDS + groups) as u64;
-            let prolonged = points.saturating_mul(PROLONGED_BYTES + kernel + singles).saturating_add(beside);
-            let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
-            most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
-        }
+        Some(sample) => thinned(points, dimension, faces, sample, Bases::InMemory, parameters),
         None => estimate(points, dimension, faces, kind, parameters),
     }
+}
+
+/// The same within `budget` bytes: where more is needed than these and the bases can be kept in a file, what is needed beside
+/// them.
+#[must_use]
+pub fn memory_within(
+    budget: u64,
+    points: u64,
+    dimension: usize,
+    faces: u64,
+    kind: JobKind,
+    parameters: &Parameters,
+) -> u64 {
+    let all = memory_estimate(points, dimension, faces, kind, parameters);
+    match parameters.sample_of(points, dimension, kind) {
+        Some(sample) if all > budget => thinned(points, dimension, faces, sample, Bases::InFile, parameters),
+        _ => all,
+    }
+}
+
+/// Where the bases of all points of a thinned cloud are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Bases {
+    InMemory,
+    InFile,
+}
+
+/// Peak bytes where a sample is solved and its bases are brought to all points.
+fn thinned(
+    points: u64,
+    dimension: usize,
+    faces: u64,
+    sample: u64,
+    place: Bases,
+    parameters: &Parameters,
+) -> u64 {
+    let of_sample = Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() };
+    let solving = estimate(sample, dimension, 0, JobKind::Eigen, &of_sample);
+    let [geometry, rows, kernel] = if parameters.operator.is_narrow() {
+        [PREPARED_BYTES, 0, 0]
+    } else {
+        [GEOMETRY_BYTES + COUPLED * ENTRY_BYTES, HELD_KERNEL_BYTES, PROLONGED_KERNEL_BYTES]
+    };
+    let geometry = points.saturating_mul(geometry + 16 * dimension as u64);
+    let beside = points.saturating_mul(HELD_BYTES + rows);
+    // groups of vectors, and the bases with their guards or another group
+    let width = group_width(points as usize);
+    let (all, vectors) = match place {
+        Bases::InMemory => (HELD_BYTES + PROLONGED_BYTES, parameters.bases + GUARDS + GROUPS_HELD * width),
+        Bases::InFile => (BESIDE_FILE_BYTES, (GROUPS_HELD + 1) * width),
+    };
+    let prolonged = points.saturating_mul(all + rows + kernel + 4 * vectors as u64);
+    let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
+    most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
 }
 
 impl Parameters {
@@ -119,14 +156,15 @@ impl Parameters {
         }
         let least = (SAMPLE_POINTS_PER_BASIS * self.bases as u64).max(SOLVED_LEAST as u64);
         let sizes = THINNED.iter().map(|by| points / by).filter(|&sample| sample >= least);
-        let mut fitted = self.clone();
-        for sample in sizes {
-            fitted.solved_points = Some(sample as usize);
-            if estimate(&fitted) <= budget {
-                break;
-            }
-        }
-        fitted
+        let solved = |sample: u64| Self { solved_points: Some(sample as usize), ..self.clone() };
+        let all: Vec<Self> = sizes.map(solved).collect();
+        let in_memory = all.iter().find(|fitted| estimate(fitted) <= budget);
+        let in_file = || {
+            let fits =
+                |fitted: &&Self| memory_within(budget, points, dimension, faces, kind, fitted) <= budget;
+            all.iter().find(fits)
+        };
+        in_memory.or_else(in_file).or(all.last()).unwrap_or(self).clone()
     }
 }
 
@@ -190,27 +228,28 @@ pub(super) fn memory_with_entries(
     with_matrix(points, dimension, entries.saturating_mul(ENTRY_BYTES), parameters)
 }
 
-/// The same once the matrices are stored, beside the factor, for which the solver asks when it knows its pattern.
+/// The same once the matrices are stored, beside the factor, for which the solver asks when it knows its pattern, and beside the
+/// bases of a thinned cloud.
 pub(super) fn memory_beside_factor(
     points: u64,
     dimension: usize,
     stored: u64,
     parameters: &Parameters,
 ) -> u64 {
-    with_matrix(points, dimension, stored.saturating_mul(STORED_BYTES), parameters)
+    if parameters.sample_of(points, dimension, JobKind::Eigen).is_none() {
+        return with_matrix(points, dimension, stored.saturating_mul(STORED_BYTES), parameters);
+    }
+    let matrix = if parameters.operator.is_narrow() { 0 } else { stored.saturating_mul(HELD_ENTRY_BYTES) };
+    points.saturating_mul(HELD_BYTES).saturating_add(matrix).saturating_add(JOB_BYTES)
 }
 
 fn with_matrix(points: u64, dimension: usize, matrix: u64, parameters: &Parameters) -> u64 {
     let geometry = GEOMETRY_BYTES + 16 * dimension as u64;
-    let per_point = match parameters.sample_of(points, dimension, JobKind::Eigen) {
-        // the matrix is among what is held, and vectors come after the factor of the sample
-        Some(_) if parameters.operator.is_narrow() => {
-            return points.saturating_mul(HELD_BYTES).saturating_add(JOB_BYTES);
-        }
-        Some(_) => geometry + 4 * parameters.bases as u64,
-        None => geometry + 8 * vectors(points, parameters) as u64,
+    let vectors = match parameters.sample_of(points, dimension, JobKind::Eigen) {
+        Some(_) => 4 * parameters.bases as u64,
+        None => 8 * vectors(points, parameters) as u64,
     };
-    points.saturating_mul(per_point).saturating_add(matrix).saturating_add(JOB_BYTES)
+    points.saturating_mul(geometry + vectors).saturating_add(matrix).saturating_add(JOB_BYTES)
 }
 
 #[cfg(test)]
@@ -279,6 +318,19 @@ mod tests {
         assert!(memory_estimate(5_000_000, 3, 0, JobKind::Eigen, &thinned) <= 12 << 30);
         let largest = fitted(11_000_000, JobKind::Eigen, 12);
         assert!(memory_estimate(11_000_000, 3, 0, JobKind::Eigen, &largest) <= 12 << 30);
+        let within = |points, parameters: &Parameters, budget: u64| {
+            memory_within(budget << 30, points, 3, 0, JobKind::Eigen, parameters)
+        };
+        assert_eq!(
+            within(11_000_000, &largest, 12),
+            memory_estimate(11_000_000, 3, 0, JobKind::Eigen, &largest),
+            "bases stay in memory where they fit"
+        );
+        let in_file = fitted(20_000_000, JobKind::Eigen, 12);
+        assert!(memory_estimate(20_000_000, 3, 0, JobKind::Eigen, &in_file) > 20 << 30);
+        assert!(within(20_000_000, &in_file, 12) <= 12 << 30, "in a file");
+        let exact = Parameters { exact: true, ..parameters.clone() };
+        assert!(within(20_000_000, &exact, 12) > 40 << 30);
         assert_eq!(fitted(5_000_000, JobKind::Operator, 12), parameters);
         let smallest = fitted(50_000_000, JobKind::Eigen, 12);
         assert_eq!(

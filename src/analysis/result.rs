@@ -1,7 +1,6 @@
 //! An analysis with its arrays, in rows of the upload.
 
 use std::io::{self, Write};
-use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -133,21 +132,14 @@ impl Analysis {
     /// Basis `j`, one value per row: duplicates repeat their first occurrence, NaN without a result.
     ///
     /// # Panics
-    /// When `j` is not below [`Self::bases`].
+    /// When `j` is not below [`Self::bases`], or the file cannot be read that bases for which there was no memory are in.
     #[must_use]
     pub fn basis(&self, j: usize) -> Vec<f64> {
         assert!(j < self.bases(), "basis {j} of {}", self.bases());
-        self.basis_in(j, 0..self.points.rows())
-    }
-
-    /// The same of some rows.
-    ///
-    /// # Panics
-    /// When `j` is not below [`Self::bases`], or there are not so many rows.
-    #[must_use]
-    pub fn basis_in(&self, j: usize, rows: Range<usize>) -> Vec<f64> {
         let Some(eigenbasis) = &self.eigenbasis else { return Vec::new() };
-        rows.map(|row| self.place_of_row(row).map_or(f64::NAN, |place| eigenbasis.value(place, j))).collect()
+        let basis = eigenbasis.basis(j);
+        let rows = 0..self.points.rows();
+        rows.map(|row| self.place_of_row(row).map_or(f64::NAN, |place| basis.at(place))).collect()
     }
 
     /// Q = −S: for most operators symmetric with zero row sums and negative semi-definite. Empty rows for duplicates and

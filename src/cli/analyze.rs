@@ -46,7 +46,7 @@ pub(crate) struct AnalyzeArgs {
     threads: usize,
 
     /// Bytes of memory that the analysis may be estimated to take, 0 for half of what there is; larger clouds are
-    /// solved on a sample and extended to all points
+    /// solved on a sample and extended to all points, in a temporary file if need be
     #[arg(long, value_name = "BYTES", value_parser = bytes, default_value_t = 0)]
     memory: u64,
 
@@ -68,9 +68,10 @@ pub(crate) fn run(args: &AnalyzeArgs) -> Result<(), Failure> {
     parameters.check().map_err(Failure::input)?;
     let kind = kind(args)?;
     let directory = output::Directory::prepare(&args.output, args.force)?;
-    let watch = run::Watch::new(args.reporting.quiet);
+    let budget = Settings { memory_budget: args.memory, ..Settings::default() }.memory_budget();
+    let watch = run::Watch::new(args.reporting.quiet, budget, directory.path());
     let interrupt = Interrupt::cancels(Arc::clone(&watch.progress))?;
-    interrupt.outcome(analyze_into(directory, args, kind, &parameters, &watch))
+    interrupt.outcome(analyze_into(directory, args, kind, &parameters, budget, &watch))
 }
 
 /// The directory is gone when this ends early.
@@ -79,6 +80,7 @@ fn analyze_into(
     args: &AnalyzeArgs,
     kind: JobKind,
     parameters: &Parameters,
+    budget: u64,
     watch: &run::Watch,
 ) -> Result<(), Failure> {
     let cloud = args.reading.read(&args.cloud)?;
@@ -91,7 +93,6 @@ fn analyze_into(
         examined.admit_lowered(&mut parameters)
     };
     admitted.map_err(|error| of_analysis(&error))?;
-    let budget = Settings { memory_budget: args.memory, ..Settings::default() }.memory_budget();
     let (points, faces) = (cloud.len() as u64, cloud.faces().len() as u64);
     let parameters = parameters.fitted(points, cloud.dimension(), faces, kind, budget);
     let ran = run::with_progress(&cloud, kind, &parameters, args.threads, watch)?;
@@ -132,6 +133,8 @@ fn of_analysis(error: &AnalysisError) -> Failure {
         AnalysisError::Parameter { .. } | AnalysisError::Cloud(_) | AnalysisError::Unsupported(_) => {
             Failure::input(error)
         }
-        AnalysisError::Numerical(_) | AnalysisError::Canceled(_) => Failure::other(error),
+        AnalysisError::Numerical(_) | AnalysisError::Scratch(_) | AnalysisError::Canceled(_) => {
+            Failure::other(error)
+        }
     }
 }

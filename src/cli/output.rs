@@ -114,6 +114,11 @@ impl Directory {
         Ok(Self { target: target.to_owned(), temporary, files: Vec::new() })
     }
 
+    /// Where the files are until all of them are there.
+    pub(super) fn path(&self) -> &Path {
+        self.temporary.path()
+    }
+
     /// Writes one of the files.
     pub(super) fn write(
         &mut self,

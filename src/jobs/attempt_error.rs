@@ -47,6 +47,7 @@ pub(super) fn failure(error: &AttemptError) -> (JobFailure, Retry) {
             AnalysisError::Cloud(_) => (told("cloud", error.to_string()), Retry::Never),
             AnalysisError::Unsupported(_) => (told("unsupported", error.to_string()), Retry::Never),
             AnalysisError::Numerical(_) => (told("numerical", error.to_string()), Retry::Never),
+            AnalysisError::Scratch(_) => (told("disk", error.to_string()), Retry::Later),
             // The order to cancel that led here arrives otherwise: this one nobody gave.
             AnalysisError::Canceled(Canceled) => {
                 (told("internal", "the computation ended without a reason".to_owned()), Retry::AtOnce)

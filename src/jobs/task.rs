@@ -1,6 +1,7 @@
 //! One attempt at a job, seen from outside: how far it is, and where its time went.
 
 use std::ops::Range;
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -21,8 +22,8 @@ pub(super) struct Task {
 }
 
 impl Task {
-    /// A computation that may take as much memory as is reserved for it or can be added to that.
-    pub(super) fn begin(reservation: &Arc<Reservation>) -> Self {
+    /// A computation that may take as much memory as is reserved for it or can be added to that, and files in `scratch`.
+    pub(super) fn begin(reservation: &Arc<Reservation>, scratch: Option<&Path>) -> Self {
         let timeline = Arc::new(Mutex::new(Timeline::new(Instant::now())));
         let observed = Arc::clone(&timeline);
         let reservation = Arc::downgrade(reservation);
@@ -31,6 +32,10 @@ impl Task {
             observed.lock().unwrap_or_else(PoisonError::into_inner).enter(phase, Instant::now());
         })
         .granting(move |bytes| granting.upgrade().is_some_and(|reservation| reservation.grow_to(bytes)));
+        let progress = match scratch {
+            Some(folder) => progress.scratch_in(folder),
+            None => progress,
+        };
         Self { progress: Arc::new(progress), timeline, reservation }
     }
 
@@ -136,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_silent_phase_moves_by_the_clock_and_one_that_reports_does_not() {
-        let task = Task::begin(&Arc::default());
+        let task = Task::begin(&Arc::default(), None);
         task.progress.expect([1.0, 1.0, 1.0, 1.0, 1.0, 4.0, 1.0]);
         let start = Instant::now();
         let at = |seconds| start + Duration::from_secs(seconds);
@@ -161,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_task_tells_the_phase_it_is_in() {
-        let task = Task::begin(&Arc::default());
+        let task = Task::begin(&Arc::default(), None);
         task.progress.enter(Phase::Assembly).unwrap();
         let vitals = task.vitals();
         assert_eq!(vitals.phase, Phase::Assembly);

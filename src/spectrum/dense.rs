@@ -38,7 +38,7 @@ pub(super) fn is_dense_general(n: usize, count: usize) -> bool {
 pub fn solve(problem: &Problem, count: usize) -> Result<Eigenpairs, SpectrumError> {
     let (n, zero_modes) = (problem.size(), problem.zero_modes());
     let mut nulls = Block::<f64>::zeros(n, zero_modes);
-    problem.write_null_vectors(&mut nulls, zero_modes);
+    problem.write_null_vectors(&mut nulls, 0..zero_modes);
     // lifting the null space above the rest leaves the other eigenpairs as they are
     let lift =
         4.0 * (0..n).map(|i| problem.matrix.row(i).1.iter().map(|v| v.abs()).sum()).fold(0.0_f64, f64::max);
@@ -53,7 +53,7 @@ pub fn solve(problem: &Problem, count: usize) -> Result<Eigenpairs, SpectrumErro
     let (values, vectors) = eigen(dense.as_ref())?;
     let zeros = zero_modes.min(count);
     let mut result = Eigenpairs::real(vec![0.0; count], Block::zeros(n, count));
-    problem.write_null_vectors(&mut result.vectors, zeros);
+    problem.write_null_vectors(&mut result.vectors, 0..zeros);
     result.values[zeros..].copy_from_slice(&values[..count - zeros]);
     result.vectors.for_each_row(|i, row| {
         for (k, x) in row[zeros..].iter_mut().enumerate() {

@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::vectors::block::Block;
-use super::{Problem, Vectors};
+use super::vectors::shelf::{Read, Shelf};
+use super::{Problem, SpectrumError, Vectors};
 
 /// Bases that are taken out of the rows of eigenvectors together: as many as lie in a cache line.
 const TOGETHER: usize = 8;
@@ -21,23 +22,48 @@ pub struct Eigenbasis {
 enum Bases {
     /// Basis by basis: eigenvectors are stored point by point, where a basis is spread over all of the memory.
     Double(Vec<Vec<f64>>),
-    /// As they were found, where there is no room for them twice: point by point, and a factor of every basis.
-    Single(Block<f32>, Vec<f64>),
+    /// As they were found, where there is no room for them twice, and a factor of every basis.
+    Single(Shelf, Vec<f64>),
+}
+
+/// One basis.
+#[derive(Debug)]
+pub struct Basis<'a>(Values<'a>);
+
+#[derive(Debug)]
+enum Values<'a> {
+    Double(&'a [f64]),
+    /// A column of some, times a factor.
+    Single(Read<'a>, usize, f64),
+}
+
+impl Basis<'_> {
+    /// Its value at point `i`, in 1/length; `H_iᵀ B H_j = δ_ij`.
+    #[must_use]
+    #[inline]
+    pub fn at(&self, i: usize) -> f64 {
+        match &self.0 {
+            Values::Double(basis) => basis[i],
+            Values::Single(some, column, factor) => factor * f64::from(some.columns().row(i)[*column]),
+        }
+    }
 }
 
 impl Eigenbasis {
     /// Takes vectors with the imaginary parts of their eigenvalues, if they have any; the sign of every basis is such that its
     /// largest component is positive.
-    #[must_use]
-    pub fn new(problem: &Problem, vectors: Vectors, imaginary: &[f64]) -> Self {
+    ///
+    /// # Errors
+    /// [`SpectrumError::Scratch`].
+    pub fn new(problem: &Problem, vectors: Vectors, imaginary: &[f64]) -> Result<Self, SpectrumError> {
         let bases = match vectors {
             Vectors::Double(vectors) => Bases::Double(functions(problem, &vectors, imaginary)),
             Vectors::Single(functions) => {
-                let signs = signs(&functions);
+                let signs = signs(&functions)?;
                 Bases::Single(functions, signs)
             }
         };
-        Self { bases }
+        Ok(Self { bases })
     }
 
     /// Multiplies all bases by `factor`.
@@ -60,14 +86,20 @@ impl Eigenbasis {
         }
     }
 
-    /// Basis `j` at point `i`, in 1/length; `H_iᵀ B H_j = δ_ij`.
+    /// Basis `j`.
+    ///
+    /// # Panics
+    /// When the file that it is in cannot be read.
     #[must_use]
-    #[inline]
-    pub fn value(&self, i: usize, j: usize) -> f64 {
-        match &self.bases {
-            Bases::Double(bases) => bases[j][i],
-            Bases::Single(bases, factors) => factors[j] * f64::from(bases.row(i)[j]),
-        }
+    #[expect(clippy::panic, reason = "documented; a disk that loses what was just written")]
+    pub fn basis(&self, j: usize) -> Basis<'_> {
+        Basis(match &self.bases {
+            Bases::Double(bases) => Values::Double(&bases[j]),
+            Bases::Single(bases, factors) => match bases.read(j) {
+                Ok((some, column)) => Values::Single(some, column, factors[j]),
+                Err(error) => panic!("eigenvectors cannot be read: {error}"),
+            },
+        })
     }
 }
 
@@ -100,22 +132,25 @@ fn functions(problem: &Problem, vectors: &Block, imaginary: &[f64]) -> Vec<Vec<f
 }
 
 /// For every function 1, or −1 where its component farthest from zero is negative.
-fn signs(functions: &Block<f32>) -> Vec<f64> {
+fn signs(functions: &Shelf) -> Result<Vec<f64>, SpectrumError> {
     let stretches: Vec<usize> = (0..functions.rows()).step_by(ROWS_PER_TASK).collect();
-    let columns = functions.columns();
-    let largest_of = |first: usize| {
-        let mut largest = vec![0.0_f32; columns];
-        for i in first..functions.rows().min(first + ROWS_PER_TASK) {
+    let mut signs = Vec::with_capacity(functions.columns());
+    for group in functions.groups() {
+        let (some, _) = functions.read(group.start)?;
+        let some = some.columns();
+        let largest_of = |&first: &usize| {
+            let mut largest = vec![0.0_f32; some.count()];
+            for i in first..functions.rows().min(first + ROWS_PER_TASK) {
+                let row = largest.iter_mut().zip(some.row(i));
+                row.for_each(|(largest, &h)| *largest = farther(*largest, h));
+            }
             largest
-                .iter_mut()
-                .zip(functions.row(i))
-                .for_each(|(largest, &h)| *largest = farther(*largest, h));
-        }
-        largest
-    };
-    let parts: Vec<Vec<f32>> = stretches.into_par_iter().map(largest_of).collect();
-    let largest = |j: usize| parts.iter().map(|part| part[j]).fold(0.0, farther);
-    (0..columns).map(|j| if largest(j) < 0.0 { -1.0 } else { 1.0 }).collect()
+        };
+        let parts: Vec<Vec<f32>> = stretches.par_iter().map(largest_of).collect();
+        let largest = |j: usize| parts.iter().map(|part| part[j]).fold(0.0, farther);
+        signs.extend((0..some.count()).map(|j| if largest(j) < 0.0 { -1.0 } else { 1.0 }));
+    }
+    Ok(signs)
 }
 
 /// The one that is farther from zero, the first of equals.

@@ -1,5 +1,7 @@
 //! Errors of the eigensolvers.
 
+use std::io;
+
 use super::factor::FactorError;
 use crate::progress::Canceled;
 
@@ -28,6 +30,9 @@ pub enum SpectrumError {
         /// Iterations made.
         iterations: usize,
     },
+    /// The file for eigenvectors that there is no memory for could not be made, written or read.
+    #[error("{0}")]
+    Scratch(String),
     /// Canceled by the caller.
     #[error(transparent)]
     Canceled(#[from] Canceled),
@@ -39,5 +44,11 @@ impl From<FactorError> for SpectrumError {
             FactorError::Matrix(message) => Self::Factorization(message),
             FactorError::Canceled(canceled) => Self::Canceled(canceled),
         }
+    }
+}
+
+impl From<io::Error> for SpectrumError {
+    fn from(error: io::Error) -> Self {
+        Self::Scratch(format!("the file for eigenvectors that do not fit into memory: {error}"))
     }
 }

@@ -53,7 +53,7 @@ fn iteration<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     let zeros = problem.zero_modes();
     let narrow_start = narrow_vectors(problem, narrow, &factor, guarded(request.count), progress)?;
     let mut start = Block::zeros(problem.size(), zeros + narrow_start.columns());
-    problem.write_null_vectors(&mut start, zeros);
+    problem.write_null_vectors(&mut start, 0..zeros);
     start.copy_columns(zeros, &narrow_start, 0, narrow_start.columns());
     drop(narrow_start);
     let preconditioner = Preconditioner { factor: &factor, t: request.plateau.unwrap_or(0.0) };

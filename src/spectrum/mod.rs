@@ -39,7 +39,9 @@ pub mod vectors;
 mod weyl;
 
 pub use certificates::{Certificates, MissedCheck};
-pub use coarse_to_fine::prolonged::GUARDS;
+pub use coarse_to_fine::prolonged::{
+    BESIDE_BYTES as PROLONGED_BYTES, BESIDE_KERNEL_BYTES as PROLONGED_KERNEL_BYTES, GUARDS,
+};
 pub use eigenbasis::Eigenbasis;
 pub use eigenpairs::Eigenpairs;
 pub use error::SpectrumError;

@@ -1,5 +1,7 @@
 //! The eigenproblem in the form that the solvers work on.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::vectors::block::Block;
@@ -89,13 +91,13 @@ impl Problem {
         self.components.size.len()
     }
 
-    /// Writes the null vectors of components `0 .. count` into the first columns of `block`.
-    pub fn write_null_vectors<T: Scalar>(&self, block: &mut Block<T>, count: usize) {
+    /// Writes the null vectors of some components into the first columns of `block`.
+    pub fn write_null_vectors<T: Scalar>(&self, block: &mut Block<T>, components: Range<usize>) {
         block.for_each_row(|i, row| {
             let component = self.components.label[i] as usize;
-            row[..count].fill(T::nearest(0.0));
-            if component < count {
-                row[component] = T::nearest(self.null[i]);
+            row[..components.len()].fill(T::nearest(0.0));
+            if components.contains(&component) {
+                row[component - components.start] = T::nearest(self.null[i]);
             }
         });
     }

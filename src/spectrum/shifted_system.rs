@@ -42,7 +42,7 @@ pub(super) struct System<'a> {
 
 /// Something that nearly solves systems with `A + σI`: a symmetric positive definite matrix.
 pub(super) trait NearInverse {
-    /// Makes what nearly solves with the residuals in `room` its correction, which is 0 before.
+    /// Makes what nearly solves with the residuals in `room` its correction.
     ///
     /// # Errors
     /// [`Canceled`].
@@ -113,10 +113,11 @@ impl<'a> System<'a> {
         });
     }
 
-    /// Takes what is rough out of the error of the correction.
+    /// Takes what is rough out of the error of the correction, which is still 0 where that `begins`.
     pub(super) fn sweep(
         &self,
         Room { residual, correction, other, .. }: &mut Room,
+        begins: bool,
         progress: &Progress,
     ) -> Result<(), Canceled> {
         let columns = residual.columns();
@@ -126,6 +127,12 @@ impl<'a> System<'a> {
             let omega = relaxation(SWEPT_FROM, 1.0, sweep, SWEEPS);
             let scaled = scale.par_iter_mut().zip(&self.relaxation).with_min_len(1 << 12);
             scaled.for_each(|(scale, relaxation)| *scale = (omega * relaxation) as f32);
+            if begins && sweep == 0 {
+                correction.for_each_row(|i, row| {
+                    row.iter_mut().zip(residual.row(i)).for_each(|(z, r)| *z = scale[i] * r);
+                });
+                continue;
+            }
             let finish = Finish::Relaxed(residual.columns_from(0, columns), &scale);
             finished_product(other, self.rows(), correction.columns_from(0, columns), finish);
             std::mem::swap(correction, other);
@@ -147,12 +154,12 @@ impl NearInverse for ByFactor<'_> {
             self.factor.solve_single(&mut room.correction, &mut self.buffer, progress)?;
             return progress.checkpoint();
         }
-        system.sweep(room, progress)?;
+        system.sweep(room, true, progress)?;
         system.defect(room);
         progress.checkpoint()?;
         self.factor.solve_single(&mut room.other, &mut self.buffer, progress)?;
         room.correct();
-        system.sweep(room, progress)
+        system.sweep(room, false, progress)
     }
 }
 
@@ -198,7 +205,6 @@ impl Room {
         inverse: &mut dyn NearInverse,
         progress: &Progress,
     ) -> Result<Step, Canceled> {
-        self.correction.for_each_row(|_, row| row.fill(0.0));
         inverse.apply(system, self, progress)?;
         let columns = self.residual.columns();
         let products = inner_products(&mut self.correction, &self.residual);

@@ -6,6 +6,7 @@ use super::certificates::{self, Certificates, Measured, MissedCheck};
 use super::dual;
 use super::shifted_system::NearInverse;
 use super::vectors::block::Block;
+use super::vectors::shelf::Shelf;
 use super::weyl::Weyl;
 use super::{Eigenpairs, Problem, SpectrumError};
 use crate::operator::{Sparse, Structure};
@@ -101,16 +102,26 @@ pub enum Vectors {
     /// Eigenvectors `y = B^½ h` of `A`.
     Double(Block),
     /// The functions `h` themselves, in single precision.
-    Single(Block<f32>),
+    Single(Shelf),
 }
 
 impl Vectors {
-    /// Writes the eigenvectors at point `i`, the root of whose mass is given.
+    /// Writes the eigenvectors at point `i`, the root of whose mass is given. Neighboring points are best asked for one after the
+    /// other.
+    ///
+    /// # Panics
+    /// When the file that they are in cannot be read.
+    #[expect(clippy::panic, reason = "documented; a disk that loses what was just written")]
     pub fn write_row(&self, i: usize, root_mass: f64, out: &mut [f64]) {
         match self {
             Self::Double(vectors) => out.copy_from_slice(vectors.row(i)),
             Self::Single(functions) => {
-                out.iter_mut().zip(functions.row(i)).for_each(|(out, &h)| *out = root_mass * f64::from(h));
+                let write = |row: &[f32]| {
+                    out.iter_mut().zip(row).for_each(|(out, &h)| *out = root_mass * f64::from(h));
+                };
+                if let Err(error) = functions.with_row(i, write) {
+                    panic!("eigenvectors cannot be read: {error}");
+                }
             }
         }
     }
@@ -156,7 +167,7 @@ impl Solution {
 pub(super) fn with_null_space(problem: &Problem, found: Option<&Eigenpairs>, count: usize) -> Eigenpairs {
     let zeros = problem.zero_modes().min(count);
     let mut vectors = Block::zeros(problem.size(), count);
-    problem.write_null_vectors(&mut vectors, zeros);
+    problem.write_null_vectors(&mut vectors, 0..zeros);
     let mut values = vec![0.0; zeros];
     if let Some(found) = found {
         vectors.copy_columns(zeros, &found.vectors, 0, count - zeros);

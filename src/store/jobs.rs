@@ -11,7 +11,7 @@ use super::engine::Engine;
 use super::line::place;
 use super::rows::{from_word, integer, job_with_id, readable_job, select_jobs, to_json, word};
 use super::{CloudRecord, JobRecord, JobState, Milliseconds, Owner, Page, Store, StoreError, detached};
-use crate::analysis::{JobKind, Parameters, memory_estimate};
+use crate::analysis::{JobKind, Parameters, memory_within};
 
 /// Entries of a row of an operator's matrix, about, before the matrix is known.
 const ENTRIES_PER_ROW: u64 = 60;
@@ -187,7 +187,7 @@ impl Store {
     ) -> Result<(JobRecord, bool), StoreError> {
         let budget = Engine::memory_budget(connection, &self.settings).await?;
         let parameters = &parameters.fitted(cloud.points, cloud.dimension, cloud.faces, kind, budget);
-        let memory = memory_estimate(cloud.points, cloud.dimension, cloud.faces, kind, parameters);
+        let memory = memory_within(budget, cloud.points, cloud.dimension, cloud.faces, kind, parameters);
         let chunk_points = if connection.is_postgres() {
             toasted_basis_chunk_points(parameters.bases)
         } else {

@@ -143,6 +143,16 @@ impl Store {
         self.news.arrivals.subscribe()
     }
 
+    /// Where files may be made for what does not fit into memory: beside the database, whose disk is there for large results.
+    /// None where that is elsewhere.
+    #[must_use]
+    pub fn scratch_folder(&self) -> Option<&Path> {
+        match &self.engine {
+            Engine::Sqlite(database) => Some(database.folder()),
+            Engine::Postgres(_) => None,
+        }
+    }
+
     /// Writes a compacted copy of the database at `path`, as of one moment, to the new file `copy`. Services that have it
     /// open go on meanwhile; it is neither made nor migrated.
     ///

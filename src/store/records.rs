@@ -84,7 +84,7 @@ words! {
 /// Why a job failed, in words for its owner.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JobFailure {
-    /// Stable word: `parameter`, `cloud`, `unsupported`, `numerical`, `memory`, `time`, `crashed`, `internal`.
+    /// Stable word: `parameter`, `cloud`, `unsupported`, `numerical`, `memory`, `disk`, `time`, `crashed`, `internal`.
     pub code: String,
     /// A sentence.
     pub detail: String,

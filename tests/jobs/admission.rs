@@ -3,12 +3,14 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use chladni::analysis::{JobKind, Parameters};
-use chladni::jobs::{Compute, Jobs, JobsSettings};
+use chladni::analysis::{JobKind, Parameters, memory_estimate};
+use chladni::cloud::shapes::{SampleRequest, Shape, sample};
+use chladni::jobs::{Compute, Jobs, JobsSettings, default_analysis};
+use chladni::operator::OperatorKind;
 use chladni::store::{JobState, Store, StoreError};
 use uuid::Uuid;
 
-use crate::stage::{Stage, cloud, complete, parameters, submit};
+use crate::stage::{Stage, bits, cloud, complete, parameters, submit};
 use crate::workers::{PATIENCE, gated, job_when, quick, succeeding};
 
 /// Estimated bytes of a job on a cloud of `n` points with two bases.
@@ -46,6 +48,34 @@ async fn a_job_that_does_not_fit_is_thinned_out_unless_all_points_are_to_be_solv
     let exact = Parameters { exact: true, ..parameters(2) };
     let refused = store.submit(&cloud(20_000, 1), Some((JobKind::Eigen, exact))).await;
     assert!(matches!(refused, Err(StoreError::OverBudget { .. })));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bases_that_fit_into_a_file_only_are_the_same_as_those_that_memory_had_room_for() {
+    let surface = sample(&SampleRequest::new(Shape::BumpySphere, 60_000)).unwrap();
+    let parameters =
+        Parameters { operator: OperatorKind::Voronoi, bases: 100, tolerance: 1e-3, ..Parameters::default() };
+    let thinned = Parameters { solved_points: Some(60_000 / 7), ..parameters.clone() };
+    let in_memory = memory_estimate(60_000, 3, 0, JobKind::Eigen, &thinned);
+    let mut found = Vec::new();
+    for (budget, asked) in [(in_memory - 1, parameters), (1 << 30, thinned)] {
+        let stage = Stage::new();
+        let store = stage.open_with(|settings| settings.memory_budget = budget).await;
+        let job = store.submit(&surface, Some((JobKind::Eigen, asked))).await.unwrap().job.unwrap();
+        assert_eq!(job.parameters.solved_points, Some(60_000 / 7));
+        assert_eq!(job.memory < in_memory, budget < in_memory, "{}", job.memory);
+        let compute = Compute::new("analysis", 2).unwrap();
+        let settings = JobsSettings { memory: budget, ..quick() };
+        let jobs = Jobs::start(store.clone(), compute, default_analysis(), settings).await.unwrap();
+        let ended = job_when(&store, job.id, |job| job.state.is_terminal()).await;
+        assert_eq!(ended.state, JobState::Succeeded, "{:?}", ended.failure);
+        found.push([
+            bits(&store.basis(job.id, 1).await.unwrap()),
+            bits(&store.basis(job.id, 99).await.unwrap()),
+        ]);
+        jobs.stop(PATIENCE).await;
+    }
+    assert!(found[0] == found[1]);
 }
 
 #[tokio::test]

@@ -30,6 +30,13 @@ fn rows_keep_their_points_whatever_was_solved() {
             assert!((one - other).abs() <= 1e-3 * one + 1e-9, "{one} {other}");
         }
         assert_eq!(exact.mass().len(), found.mass().len());
+        let short = Progress::new().within(1_000_000);
+        let in_file = analyze(&cloud, JobKind::Eigen, &thinned, &short).unwrap();
+        assert_eq!(in_file.report, found.report);
+        for j in [0, 11] {
+            let bits = |of: &chladni::Analysis| of.basis(j).into_iter().map(f64::to_bits).collect::<Vec<_>>();
+            assert_eq!(bits(&in_file), bits(&found), "from a file");
+        }
         let mass = exact.mass();
         for j in 0..12 {
             let (one, other) = (exact.basis(j), found.basis(j));
@@ -38,7 +45,6 @@ fn rows_keep_their_points_whatever_was_solved() {
             let along: f64 = (0..n).map(|i| mass[i] * one[i] * other[i]).sum();
             // also of the last ones, although the seven of the sphere's next degree go on behind them
             assert!((along.abs() - 1.0).abs() < 1e-2, "{operator:?} {j}: {along}");
-            assert_eq!(found.basis_in(j, 5..40), other[5..40]);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The files of an analysis.
 
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
 use chladni::analysis::{Analysis, JobKind};
@@ -43,7 +44,9 @@ pub(super) fn write(
             directory.write("spectrum.json", |out| json(&analysis.report.spectrum, out))?;
             directory.write("bases.npy", |out| bases_npy(analysis, cloud.len(), out))?;
             canceled()?;
-            directory.write("bases.ply", |out| bases_ply(analysis, cloud, out))?;
+            let bases = directory.path().join("bases.npy");
+            let bases = &mut File::open(&bases).map_err(Failure::other)?;
+            directory.write("bases.ply", |out| bases_ply(bases, analysis.bases(), cloud, out))?;
             if let Some(source) = Source::of(cloud) {
                 directory.write(SOURCE, |out| json(&source, out))?;
             }
@@ -82,14 +85,17 @@ fn bases_npy(analysis: &Analysis, rows: usize, out: &mut impl Write) -> io::Resu
 /// Rows that are put together at a time: bases come one by one, and rows hold all of them.
 const ROWS: usize = 1 << 16;
 
-/// The cloud with a float property per basis, so that viewers can color by it.
-fn bases_ply(analysis: &Analysis, cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
+/// The cloud with a float property per basis, so that viewers can color by it, from a file of bases that [`bases_npy`] wrote: a
+/// file need not be read through for every stretch of rows, as what the bases come from may have to be.
+fn bases_ply(npy: &mut File, bases: usize, cloud: &PointCloud, out: &mut impl Write) -> io::Result<()> {
     let encoding = PlyEncoding::Binary;
     let kind = ScalarType::Float32;
-    let header = (0..analysis.bases())
+    let header = (0..bases)
         .fold(PlyHeader::of(cloud, encoding), |header, j| header.with_property(format!("basis_{j}"), kind));
     let width = header.stride();
     out.write_all(&header.to_bytes())?;
+    let begin = npy_header_by_columns(cloud.len(), bases, ScalarType::Float64).len();
+    let (mut bytes, mut values) = (Vec::new(), Vec::new());
     for first in (0..cloud.len()).step_by(ROWS) {
         let end = cloud.len().min(first + ROWS);
         let mut rows = vec![0; (end - first) * width];
@@ -98,9 +104,14 @@ fn bases_ply(analysis: &Analysis, cloud: &PointCloud, out: &mut impl Write) -> i
             encode_column(column, &mut rows, width, offset);
             offset += column.kind.size();
         }
-        for j in 0..analysis.bases() {
-            let values = &analysis.basis_in(j, first..end);
-            encode_column(Column { values, stride: 1, kind }, &mut rows, width, offset);
+        for j in 0..bases {
+            let place = begin + size_of::<f64>() * (j * cloud.len() + first);
+            bytes.resize(size_of::<f64>() * (end - first), 0);
+            npy.seek(SeekFrom::Start(place as u64))?;
+            npy.read_exact(&mut bytes)?;
+            values.clear();
+            values.extend(bytes.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)));
+            encode_column(Column { values: &values, stride: 1, kind }, &mut rows, width, offset);
             offset += kind.size();
         }
         out.write_all(&rows)?;

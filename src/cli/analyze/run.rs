@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -42,9 +43,10 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    pub(super) fn new(quiet: bool) -> Self {
+    /// Of a computation that keeps within `memory` bytes where files in `folder` can take what is more.
+    pub(super) fn new(quiet: bool, memory: u64, folder: &Path) -> Self {
         let begun = Begun::default();
-        let progress = Arc::new(observed(&begun, quiet));
+        let progress = Arc::new(observed(&begun, quiet).within(memory).scratch_in(folder));
         Self { begun, progress, quiet }
     }
 }

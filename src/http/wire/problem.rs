@@ -306,7 +306,9 @@ impl From<AnalysisError> for Problem {
             AnalysisError::Cloud(reason) | AnalysisError::Unsupported(reason) => {
                 Self::new(Kind::UnusableCloud, reason)
             }
-            AnalysisError::Numerical(_) | AnalysisError::Canceled(_) => Self::internal(&error),
+            AnalysisError::Numerical(_) | AnalysisError::Scratch(_) | AnalysisError::Canceled(_) => {
+                Self::internal(&error)
+            }
         }
     }
 }

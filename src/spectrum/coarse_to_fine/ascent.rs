@@ -39,31 +39,30 @@ impl<'a> Start<'a> {
     /// Null vectors of parts that the finer level connects come first, for they are no null vectors there. `t` is the time
     /// of the heat kernel whose eigenvalues are expected.
     pub(super) fn of(level: &'a Level, pairs: &Eigenpairs, t: Option<f64>) -> Self {
-        Self::with(level, &pairs.values, |i, j| pairs.vectors.row(i)[j] as f32, t)
+        Self::with(level, &pairs.values, |i, row| row.copy_from_slice(pairs.vectors.row(i)), t)
     }
 
     /// The same of a level that was solved by itself.
     pub(super) fn of_sample(level: &'a Level, values: &[f64], vectors: &Vectors, t: Option<f64>) -> Self {
         let root = &level.problem.root_mass;
-        match vectors {
-            Vectors::Double(y) => Self::with(level, values, |i, j| y.row(i)[j] as f32, t),
-            Vectors::Single(h) => {
-                Self::with(level, values, |i, j| (f64::from(h.row(i)[j]) * root[i]) as f32, t)
-            }
-        }
+        Self::with(level, values, |i, row| vectors.write_row(i, root[i], row), t)
     }
 
     fn with(
         level: &'a Level,
         values: &[f64],
-        entry: impl Fn(usize, usize) -> f32 + Sync,
+        write_row: impl Fn(usize, &mut [f64]) + Sync + Send,
         t: Option<f64>,
     ) -> Self {
         let zeros = level.problem.zero_modes();
         let which: Vec<usize> = level.apart.iter().copied().chain(zeros..values.len()).collect();
-        let mut vectors = Block::zeros(level.problem.size(), which.len());
-        vectors.for_each_row(|i, row| {
-            row.iter_mut().zip(&which).for_each(|(x, &j)| *x = entry(i, j));
+        let mut vectors = Block::<f32>::zeros(level.problem.size(), which.len());
+        vectors.for_each_stretch(|first, rows, width| {
+            let mut all = vec![0.0; values.len()];
+            for (i, row) in (first..).zip(rows.chunks_mut(width)) {
+                write_row(i, &mut all);
+                row.iter_mut().zip(&which).for_each(|(x, &j)| *x = all[j] as f32);
+            }
         });
         let expected = |&j: &usize| t.map_or(values[j], |t| -(-t * values[j]).exp_m1() / t);
         Self { weights: &level.weights, vectors, values: which.iter().map(expected).collect() }
@@ -139,7 +138,7 @@ impl<'a> Ascent<'a> {
             })
             .collect();
         let mut vectors = Block::zeros(n, zeros + all);
-        self.problem.write_null_vectors(&mut vectors, zeros);
+        self.problem.write_null_vectors(&mut vectors, 0..zeros);
         let mut x = Block::<f32>::zeros(n, GROUP);
         for (group, omegas) in &plans {
             progress.advance(share(group.start as f64 / (all + corrected) as f64))?;

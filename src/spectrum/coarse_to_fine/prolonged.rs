@@ -4,8 +4,8 @@
 //! the surface with quadratic weights: with linear ones the values are some per cent off however many points there are
 //! (60,000 from 6,800: 2.8 % against 0.16 %). A correction by sweeps and the sample's factor, and a Rayleigh–Ritz step
 //! with the full operator, make of an error of O(h²) in the vectors one of O(h⁴) in the values. No factor of the full
-//! operator is made, and vectors are held in single precision: what that leaves of residuals in the 2-norm grows with the
-//! number of points, so that these results are judged by the dual norm.
+//! operator is made, and vectors are held in single precision, where there is no room for them in a file: what that leaves of
+//! residuals in the 2-norm grows with the number of points, so that these results are judged by the dual norm.
 
 use super::ascent::Start;
 use super::level::coarser;
@@ -15,9 +15,11 @@ use crate::progress::{Phase, Progress};
 use crate::spectrum::certificates::{Certificates, MissedCheck};
 use crate::spectrum::dual::bounds_of_group;
 use crate::spectrum::ritz::change_beside;
-use crate::spectrum::shifted_system::{Room, System, width};
+use crate::spectrum::shifted_system::{HELD, Room, System, width};
 use crate::spectrum::solution::{Method, Request, Solution, Vectors, saturation};
+use crate::spectrum::vectors::Groups;
 use crate::spectrum::vectors::block::Block;
+use crate::spectrum::vectors::shelf::Shelf;
 use crate::spectrum::vectors::single::{Scaled, gram_pair, replace_by_product, residual};
 use crate::spectrum::vectors::sparse_product::{Finish, finished_product};
 use crate::spectrum::weyl::Weyl;
@@ -29,13 +31,19 @@ const POINTS_PER_PAIR: usize = 12;
 /// Pairs brought along beside the wanted ones: they keep what follows the last of these out of it.
 pub const GUARDS: usize = 8;
 
+/// Bytes per point of what is held beside the bases while they are brought to all points, groups of vectors apart: the factor of
+/// the sample, the transposed weights, and the matrix in single precision.
+pub const BESIDE_BYTES: u64 = 230;
+/// The same beside the longer rows of a kernel, in addition.
+pub const BESIDE_KERNEL_BYTES: u64 = 180;
+
 /// Corrections at most, and the largest ρ, by what the correction finds, that one is enough for: it takes that of smooth
 /// surfaces to a tenth, and of scans of which the sample lacks what is small to a third.
 const CORRECTIONS_MAX: usize = 3;
 const CORRECTED_ONCE: f64 = 0.01;
 
-/// Steps of a correction at most, and the share of what all took that the last one takes at most: the first takes nearly all
-/// but at rims.
+/// Steps of a correction at most, and the share of what all took that is not worth another: the first takes nearly all but at
+/// rims. The last vectors need the most, and the others take no more than they.
 const STEPS_MAX: usize = 4;
 const GAIN_MIN: f64 = 0.02;
 
@@ -94,7 +102,7 @@ pub(in crate::spectrum) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     let columns = width(n);
     let mut inverse = TwoGrid::new(&level.weights, &factor, level.problem.size(), columns, progress)?;
     let system = System::new(problem);
-    let mut vectors = prolonged(problem, &start, progress)?;
+    let mut vectors = prolonged(problem, &start, request.narrow.is_some(), progress)?;
     let mut values = vec![0.0; zeros];
     values.extend_from_slice(&start.values);
     drop(start);
@@ -110,8 +118,8 @@ pub(in crate::spectrum) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     }
     values.truncate(request.count);
     vectors.set_columns(request.count);
-    into_functions(problem, &mut vectors);
-    let judged = judged(problem, &system, &values, &vectors, &mut inverse, progress)?;
+    into_functions(problem, &mut vectors, progress)?;
+    let judged = judged(problem, &system, &values, &mut vectors, &mut inverse, progress)?;
     let certificates = Certificates {
         orthogonality: judged.orthogonality,
         residual: judged.residuals.iter().copied().fold(0.0, f64::max),
@@ -134,17 +142,31 @@ pub(in crate::spectrum) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
 }
 
 /// The null vectors, then those of the sample at all points.
-fn prolonged(problem: &Problem, start: &Start<'_>, progress: &Progress) -> Result<Block<f32>, SpectrumError> {
+fn prolonged(
+    problem: &Problem,
+    start: &Start<'_>,
+    has_kernel: bool,
+    progress: &Progress,
+) -> Result<Shelf, SpectrumError> {
     let (n, zeros, all) = (problem.size(), problem.zero_modes(), start.values.len());
-    let columns = width(n);
-    let mut vectors = Block::<f32>::zeros(n, zeros + all);
-    problem.write_null_vectors(&mut vectors, zeros);
-    let mut group = Block::<f32>::zeros(n, columns.min(all));
-    for first in (0..all).step_by(columns) {
-        progress.advance(0.1 + 0.1 * first as f64 / all as f64)?;
-        let coarse = start.vectors.columns_from(first, columns.min(all - first));
-        finished_product(&mut group, start.weights, coarse, Finish::Product);
-        vectors.copy_columns(zeros + first, &group, 0, coarse.count());
+    let groups = Groups { first: zeros, width: width(n) };
+    let beside = BESIDE_BYTES + if has_kernel { BESIDE_KERNEL_BYTES } else { 0 };
+    let singles = size_of::<f32>() * (zeros + all + HELD * groups.width);
+    let mut vectors = if progress.has_room_beside((beside + singles as u64).saturating_mul(n as u64)) {
+        Shelf::in_memory(n, zeros + all, groups)
+    } else {
+        Shelf::in_file(progress.scratch_file()?, n, zeros + all, groups)
+    };
+    let mut block = Block::<f32>::zeros(n, groups.width);
+    for group in vectors.groups() {
+        progress.advance(0.1 + 0.1 * group.start as f64 / (zeros + all) as f64)?;
+        if group.start < zeros {
+            problem.write_null_vectors(&mut block, group.clone());
+        } else {
+            let coarse = start.vectors.columns_from(group.start - zeros, group.len());
+            finished_product(&mut block, start.weights, coarse, Finish::Product);
+        }
+        vectors.store(group, &block, progress)?;
     }
     Ok(vectors)
 }
@@ -154,33 +176,36 @@ fn correct(
     problem: &Problem,
     system: &System<'_>,
     values: &[f64],
-    vectors: &mut Block<f32>,
+    vectors: &mut Shelf,
     inverse: &mut TwoGrid<'_>,
     progress: &Progress,
 ) -> Result<f64, SpectrumError> {
-    let (n, all, zeros) = (problem.size(), values.len(), problem.zero_modes());
-    let columns = width(n);
-    let mut room = Room::new(n, columns);
+    let n = problem.size();
+    let mut room = Room::new(n, width(n));
     let mut largest = 0.0_f64;
-    for first in (zeros..all).step_by(columns) {
-        progress.advance(0.2 + 0.6 * first as f64 / all as f64)?;
-        let values = &values[first..all.min(first + columns)];
-        let some = Scaled { vectors: vectors.columns_from(first, values.len()), scale: &[] };
+    let (mut steps, zeros) = (STEPS_MAX, problem.zero_modes());
+    for columns in vectors.groups().into_iter().rev().filter(|group| group.start >= zeros) {
+        progress.advance(0.8 - 0.6 * columns.end as f64 / values.len() as f64)?;
+        let values = &values[columns.clone()];
+        let mut group = vectors.take(columns, progress)?;
+        let some = Scaled { vectors: vectors.columns_of(&group), scale: &[] };
         residual(&mut room.residual, &problem.matrix, some, values);
         room.begin();
         progress.checkpoint()?;
         let mut taken = vec![0.0; values.len()];
-        for _ in 0..STEPS_MAX {
+        for made in 0..steps {
             let step = room.step(system, inverse, progress)?;
-            vectors.for_each_row(|i, row| {
+            vectors.change(&mut group, |i, row| {
                 let changes = room.direction().row(i).iter().zip(&step.lengths);
-                row[first..].iter_mut().zip(changes).for_each(|(x, (p, length))| *x -= *length as f32 * p);
+                row.iter_mut().zip(changes).for_each(|(x, (p, length))| *x -= *length as f32 * p);
             });
             taken.iter_mut().zip(&step.gains).for_each(|(taken, gain)| *taken += gain);
-            if step.gains.iter().zip(&taken).all(|(gain, taken)| *gain <= GAIN_MIN * taken) {
+            if made > 0 && step.gains.iter().zip(&taken).all(|(gain, taken)| *gain <= GAIN_MIN * taken) {
+                steps = made;
                 break;
             }
         }
+        vectors.put(group, progress)?;
         for (taken, value) in taken.iter().zip(values) {
             largest = largest.max((taken / (value + problem.shift)).sqrt());
         }
@@ -189,9 +214,8 @@ fn correct(
 }
 
 /// Makes Ritz vectors of vectors, and gives their values, zeros first.
-fn ritz(problem: &Problem, vectors: &mut Block<f32>, progress: &Progress) -> Result<Vec<f64>, SpectrumError> {
-    let ones = Scaled { vectors: vectors.columns_from(0, vectors.columns()), scale: &[] };
-    let [gram, image] = gram_pair(Some(&problem.matrix), ones, problem.size(), progress)?;
+fn ritz(problem: &Problem, vectors: &mut Shelf, progress: &Progress) -> Result<Vec<f64>, SpectrumError> {
+    let [gram, image] = gram_pair(Some(&problem.matrix), vectors, &[], progress)?;
     let (values, change) = change_beside(problem.zero_modes(), gram.as_ref(), image.as_ref())?;
     replace_by_product(vectors, change.as_ref(), progress)?;
     progress.advance(0.9)?;
@@ -199,15 +223,17 @@ fn ritz(problem: &Problem, vectors: &mut Block<f32>, progress: &Progress) -> Res
 }
 
 /// `h = B^-½ y`; functions of the null space are the same at all points of their component.
-fn into_functions(problem: &Problem, vectors: &mut Block<f32>) {
+fn into_functions(problem: &Problem, vectors: &mut Shelf, progress: &Progress) -> Result<(), SpectrumError> {
     let root = &problem.root_mass;
-    let zeros = problem.zero_modes();
-    vectors.for_each_row(|i, row| {
-        let inverse = 1.0 / root[i];
-        row[zeros..].iter_mut().for_each(|x| *x = (f64::from(*x) * inverse) as f32);
-        let (component, null) = problem.null_entry(i);
-        row[component] = (null * inverse) as f32;
-    });
+    let (zeros, columns) = (problem.zero_modes(), vectors.columns());
+    vectors.for_each_stretch(progress, |first, rows, width| {
+        for (i, row) in (first..).zip(rows.chunks_mut(width)) {
+            let inverse = 1.0 / root[i];
+            row[zeros..columns].iter_mut().for_each(|x| *x = (f64::from(*x) * inverse) as f32);
+            let (component, null) = problem.null_entry(i);
+            row[component] = (null * inverse) as f32;
+        }
+    })
 }
 
 /// What was measured of functions as they are handed out.
@@ -227,27 +253,27 @@ fn judged(
     problem: &Problem,
     system: &System<'_>,
     values: &[f64],
-    vectors: &Block<f32>,
+    vectors: &mut Shelf,
     inverse: &mut TwoGrid<'_>,
     progress: &Progress,
 ) -> Result<Judged, SpectrumError> {
-    let (n, columns) = (problem.size(), width(problem.size()));
-    let scale = &problem.root_mass;
+    let (n, scale) = (problem.size(), &problem.root_mass);
     progress.enter(Phase::Certificates)?;
-    let all = Scaled { vectors: vectors.columns_from(0, values.len()), scale };
-    let [gram, _] = gram_pair(None, all, n, progress)?;
+    let [gram, _] = gram_pair(None, vectors, scale, progress)?;
     let identity = faer::Mat::<f64>::identity(values.len(), values.len());
     let mut judged = Judged {
         residuals: Vec::with_capacity(values.len()),
         dual_residuals: Vec::with_capacity(values.len()),
         orthogonality: (gram - identity).norm_max(),
     };
-    let mut room = Room::new(n, columns);
-    for first in (0..values.len()).step_by(columns) {
-        progress.advance(first as f64 / values.len() as f64)?;
-        let some = &values[first..values.len().min(first + columns)];
-        let x = Scaled { vectors: vectors.columns_from(first, some.len()), scale };
+    let mut room = Room::new(n, width(n));
+    for columns in vectors.groups() {
+        progress.advance(columns.start as f64 / values.len() as f64)?;
+        let some = &values[columns.clone()];
+        let group = vectors.take(columns, progress)?;
+        let x = Scaled { vectors: vectors.columns_of(&group), scale };
         let squares = residual(&mut room.residual, &problem.matrix, x, some);
+        vectors.put_unchanged(group);
         progress.checkpoint()?;
         let relative = |(square, value): (&f64, &f64)| square.sqrt() / (value + problem.shift);
         judged.residuals.extend(squares.iter().zip(some).map(relative));

@@ -38,7 +38,7 @@ impl<'a> TwoGrid<'a> {
 impl NearInverse for TwoGrid<'_> {
     fn apply(&mut self, system: &System<'_>, room: &mut Room, progress: &Progress) -> Result<(), Canceled> {
         let columns = room.residual.columns();
-        system.sweep(room, progress)?;
+        system.sweep(room, true, progress)?;
         system.defect(room);
         progress.checkpoint()?;
         let rest = room.other.columns_from(0, columns);
@@ -49,6 +49,6 @@ impl NearInverse for TwoGrid<'_> {
         finished_product(&mut room.other, self.weights, solved, Finish::Product);
         progress.checkpoint()?;
         room.correct();
-        system.sweep(room, progress)
+        system.sweep(room, false, progress)
     }
 }

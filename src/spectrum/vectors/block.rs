@@ -92,9 +92,28 @@ impl<T: Scalar> Block<T> {
         parts: usize,
         map: impl Fn(usize, &mut [T], usize) -> R + Sync + Send,
     ) -> Vec<R> {
-        let (width, rows) = (self.width, self.rows.div_ceil(parts).max(CHUNK_ROWS));
-        let stretches = self.values.par_chunks_mut((width * rows).max(1)).enumerate();
-        stretches.map(|(part, values)| map(part * rows, values, width)).collect()
+        self.map_tiles(self.rows.div_ceil(parts).max(CHUNK_ROWS), map)
+    }
+
+    /// The same of stretches of so many rows.
+    pub(super) fn map_tiles<R: Send>(
+        &mut self,
+        rows: usize,
+        map: impl Fn(usize, &mut [T], usize) -> R + Sync + Send,
+    ) -> Vec<R> {
+        let width = self.width;
+        let tiles = self.values.par_chunks_mut((width * rows).max(1)).enumerate();
+        tiles.map(|(tile, values)| map(tile * rows, values, width)).collect()
+    }
+
+    /// What `change` makes of all rows, as long as the block is wide.
+    pub(super) fn with_values<R>(&mut self, change: impl FnOnce(&mut [T]) -> R) -> R {
+        change(&mut self.values)
+    }
+
+    /// Some rows, and how long they are: as long as the block is wide.
+    pub(super) fn rows_from(&self, rows: std::ops::Range<usize>) -> (&[T], usize) {
+        (&self.values[rows.start * self.width..rows.end * self.width], self.width)
     }
 
     /// Copies `count` columns of `source` from its column `from` to columns `to ..` of this block, rounded where it is of

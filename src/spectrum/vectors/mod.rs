@@ -3,8 +3,11 @@
 pub mod block;
 pub mod pair;
 pub mod scalar;
+pub mod shelf;
 pub mod single;
 pub mod sparse_product;
 pub mod start;
+mod tiled_file;
 
 pub use block::Block;
+pub use tiled_file::Groups;

@@ -7,19 +7,44 @@ use rayon::prelude::*;
 
 use super::block::{Block, Columns};
 use super::pair::{CHUNK_ROWS, PARTIAL_SUMS, add_lower, added, symmetric};
+use super::shelf::{Shelf, View};
 use crate::operator::Sparse;
-use crate::progress::{Canceled, Progress};
+use crate::progress::Progress;
+use crate::spectrum::SpectrumError;
+
+/// Rows that are looked at together: whole chunks.
+const VIEWED_ROWS: usize = 32 * CHUNK_ROWS;
+
+/// Rows of vectors in single precision.
+pub trait SingleRows {
+    /// Row `i`.
+    fn row(&self, i: usize) -> &[f32];
+}
+
+impl SingleRows for Columns<'_, f32> {
+    #[inline]
+    fn row(&self, i: usize) -> &[f32] {
+        Columns::row(self, i)
+    }
+}
+
+impl SingleRows for View<'_> {
+    #[inline]
+    fn row(&self, i: usize) -> &[f32] {
+        View::row(self, i)
+    }
+}
 
 /// Vectors, row by row multiplied by the `scale` of the row; by 1 where that is empty.
 #[derive(Debug, Clone, Copy)]
-pub struct Scaled<'a> {
+pub struct Scaled<'a, X> {
     /// The vectors before they are multiplied.
-    pub vectors: Columns<'a, f32>,
+    pub vectors: X,
     /// One factor per row, or none.
     pub scale: &'a [f64],
 }
 
-impl Scaled<'_> {
+impl<X: SingleRows> Scaled<'_, X> {
     fn factor(&self, i: usize) -> f64 {
         self.scale.get(i).copied().unwrap_or(1.0)
     }
@@ -40,17 +65,18 @@ impl Scaled<'_> {
     }
 }
 
-/// `XᵀX` and `XᵀAX` for a symmetric `A`; without an `A` the second is zero.
+/// `XᵀX` and `XᵀAX` for a symmetric `A`, of vectors whose rows are multiplied by `scale`, if there is one; without an `A` the
+/// second is zero.
 ///
 /// # Errors
-/// [`Canceled`].
+/// [`SpectrumError::Canceled`], [`SpectrumError::Scratch`].
 pub fn gram_pair(
     a: Option<&Sparse>,
-    x: Scaled<'_>,
-    rows: usize,
+    x: &Shelf,
+    scale: &[f64],
     progress: &Progress,
-) -> Result<[Mat<f64>; 2], Canceled> {
-    let m = x.vectors.count();
+) -> Result<[Mat<f64>; 2], SpectrumError> {
+    let (rows, m) = (x.rows(), x.columns());
     let nothing = || [Mat::<f64>::zeros(m, m), Mat::zeros(m, m)];
     let share = rows.div_ceil(PARTIAL_SUMS).max(CHUNK_ROWS);
     let starts: Vec<usize> = (0..rows).step_by(share).collect();
@@ -58,21 +84,31 @@ pub fn gram_pair(
         let mut sums = nothing();
         let (mut own, mut image) = (vec![0.0; CHUNK_ROWS * m], vec![0.0; CHUNK_ROWS * m]);
         let end = rows.min(start + share);
-        for first in (start..end).step_by(CHUNK_ROWS) {
-            progress.checkpoint()?;
-            let count = CHUNK_ROWS.min(end - first);
-            let (own, image) = (&mut own[..count * m], &mut image[..count * m]);
-            own.chunks_exact_mut(m).enumerate().for_each(|(k, row)| x.write_row(first + k, row));
-            let left = MatRef::from_row_major_slice(&*own, count, m);
-            add_lower(&mut sums[0], left, left);
-            if let Some(a) = a {
-                image.chunks_exact_mut(m).enumerate().for_each(|(k, row)| x.write_image(a, first + k, row));
-                add_lower(&mut sums[1], left, MatRef::from_row_major_slice(&*image, count, m));
+        for from in (start..end).step_by(VIEWED_ROWS) {
+            let viewed = from..end.min(from + VIEWED_ROWS);
+            let coupled = |i: usize| a.into_iter().flat_map(move |a| a.row(i).0).map(|&j| j as usize);
+            let x =
+                Scaled { vectors: x.view(viewed.clone().chain(viewed.clone().flat_map(coupled)))?, scale };
+            for first in viewed.clone().step_by(CHUNK_ROWS) {
+                progress.checkpoint()?;
+                let count = CHUNK_ROWS.min(viewed.end - first);
+                let (own, image) = (&mut own[..count * m], &mut image[..count * m]);
+                own.chunks_exact_mut(m).enumerate().for_each(|(k, row)| x.write_row(first + k, row));
+                let left = MatRef::from_row_major_slice(&*own, count, m);
+                add_lower(&mut sums[0], left, left);
+                if let Some(a) = a {
+                    image
+                        .chunks_exact_mut(m)
+                        .enumerate()
+                        .for_each(|(k, row)| x.write_image(a, first + k, row));
+                    add_lower(&mut sums[1], left, MatRef::from_row_major_slice(&*image, count, m));
+                }
             }
         }
         Ok(sums)
     };
-    let parts: Vec<[Mat<f64>; 2]> = starts.into_par_iter().map(of_part).collect::<Result<_, Canceled>>()?;
+    let parts: Vec<[Mat<f64>; 2]> =
+        starts.into_par_iter().map(of_part).collect::<Result<_, SpectrumError>>()?;
     let mut total = nothing();
     for part in parts {
         total.iter_mut().zip(part).for_each(|(total, part)| *total += part);
@@ -81,7 +117,12 @@ pub fn gram_pair(
 }
 
 /// `A X − X diag(values)`, rounded, and the squared norms of its columns before that.
-pub fn residual(out: &mut Block<f32>, a: &Sparse, x: Scaled<'_>, values: &[f64]) -> Vec<f64> {
+pub fn residual(
+    out: &mut Block<f32>,
+    a: &Sparse,
+    x: Scaled<'_, Columns<'_, f32>>,
+    values: &[f64],
+) -> Vec<f64> {
     let m = x.vectors.count();
     out.set_columns(m);
     let sums = out.map_stretches(PARTIAL_SUMS, |first, rows, width| {
@@ -100,22 +141,19 @@ pub fn residual(out: &mut Block<f32>, a: &Sparse, x: Scaled<'_>, values: &[f64])
     added(m, sums)
 }
 
-/// `X ← X M` in place for `M` with at most as many columns as rows; the block then has `M`'s columns.
+/// `X ← X M` in place for `M` with at most as many columns as rows; the shelf then has `M`'s columns.
 ///
 /// # Errors
-/// [`Canceled`].
+/// [`SpectrumError::Canceled`], [`SpectrumError::Scratch`].
 pub fn replace_by_product(
-    x: &mut Block<f32>,
+    x: &mut Shelf,
     m: MatRef<'_, f64>,
     progress: &Progress,
-) -> Result<(), Canceled> {
+) -> Result<(), SpectrumError> {
     let (before, after) = (x.columns(), m.ncols());
-    x.for_each_stretch(|_, rows, width| {
+    x.for_each_stretch(progress, |_, rows, width| {
         let (mut own, mut product) = (vec![0.0; CHUNK_ROWS * before], vec![0.0; CHUNK_ROWS * after]);
         for rows in rows.chunks_mut(CHUNK_ROWS * width) {
-            if progress.is_canceled() {
-                return;
-            }
             let count = rows.len() / width;
             let (own, product) = (&mut own[..count * before], &mut product[..count * after]);
             for (own, row) in own.chunks_exact_mut(before).zip(rows.chunks(width)) {
@@ -128,15 +166,16 @@ pub fn replace_by_product(
                 row.iter_mut().zip(product).for_each(|(x, &p)| *x = p as f32);
             }
         }
-    });
+    })?;
     x.set_columns(after);
-    progress.checkpoint()
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::spectrum::grid::grid;
+    use crate::spectrum::vectors::Groups;
     use crate::spectrum::vectors::block::{gram, replace_by_product as replace_in_double};
     use crate::spectrum::vectors::sparse_product::sparse_product;
     use crate::spectrum::vectors::start;
@@ -156,7 +195,17 @@ mod tests {
         double.for_each_row(|i, row| row.iter_mut().for_each(|x| *x *= scale[i]));
         let mut image = Block::zeros(n, m);
         sparse_product(&mut image, &a, &double);
-        let [own, with_image] = gram_pair(Some(&a), x, n, &Progress::new()).unwrap();
+        let groups = Groups { first: 1, width: 4 };
+        let mut shelves =
+            [Shelf::of(single.clone(), groups), Shelf::in_file(tempfile::tempfile().unwrap(), n, m, groups)];
+        for group in shelves[0].groups() {
+            let mut block = Block::<f32>::zeros(n, group.len());
+            block.for_each_row(|i, row| row.copy_from_slice(&single.row(i)[group.clone()]));
+            shelves[1].store(group, &block, &Progress::new()).unwrap();
+        }
+        let [[own, with_image], in_file] =
+            [0, 1].map(|k| gram_pair(Some(&a), &shelves[k], &scale, &Progress::new()).unwrap());
+        assert_eq!([&own, &with_image], [&in_file[0], &in_file[1]]);
         assert!((&own - gram(&double, &double)).norm_max() < 1e-9 * own.norm_max());
         assert!((&with_image - gram(&double, &image)).norm_max() < 1e-9 * with_image.norm_max());
 
@@ -176,9 +225,12 @@ mod tests {
         let mut plain = Block::<f64>::zeros(n, m);
         plain.copy_columns(0, &single, 0, m);
         replace_in_double(&mut plain, change.as_ref());
-        replace_by_product(&mut single, change.as_ref(), &Progress::new()).unwrap();
-        assert_eq!(single.columns(), 4);
         let is_rounded = |(s, p): (&f32, &f64)| s.to_bits() == (*p as f32).to_bits();
-        assert!((0..n).all(|i| single.row(i).iter().zip(plain.row(i)).all(is_rounded)));
+        for shelf in &mut shelves {
+            replace_by_product(shelf, change.as_ref(), &Progress::new()).unwrap();
+            assert_eq!(shelf.columns(), 4);
+            let view = shelf.view(0..n).unwrap();
+            assert!((0..n).all(|i| view.row(i).iter().zip(plain.row(i)).all(is_rounded)));
+        }
     }
 }

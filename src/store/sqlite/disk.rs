@@ -19,6 +19,10 @@ impl Disk {
         Self { folder: folder.into(), floor }
     }
 
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     pub(super) fn floor(&self) -> u64 {
         self.floor
     }

@@ -39,6 +39,11 @@ impl Database {
         Ok(Self { writer, readers, arrays, busy: settings.busy, disk: Disk::of(path, settings.disk_floor) })
     }
 
+    /// The folder that the file is in.
+    pub(super) fn folder(&self) -> &Path {
+        self.disk.folder()
+    }
+
     /// Ends all connections and merges the write-ahead log into the file.
     pub(super) async fn close(&self) {
         self.readers.close().await;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::spectrum::MissedCheck;
 use crate::spectrum::solver;
-use crate::spectrum::vectors::single::{Scaled, gram_pair};
+use crate::spectrum::vectors::single::gram_pair;
 use crate::spectrum::vectors::sparse_product::Matrix;
 
 const COUNT: usize = 20;
@@ -93,10 +93,11 @@ fn functions_are_orthonormal_in_the_mass_and_constants_are_constant() {
     let surface = Surface::of(sampled(Shape::BumpySphere, 12_000, Sampling::Uniform), false);
     let found = surface.thinned(3_000, &Progress::new()).unwrap();
     let Vectors::Single(functions) = &found.vectors else { panic!("in double precision") };
-    assert!((0..12_000).all(|i| functions.row(i)[0].to_bits() == functions.row(0)[0].to_bits()));
-    let (n, scale) = (surface.problem.size(), &surface.problem.root_mass);
-    let scaled = Scaled { vectors: functions.columns_from(0, COUNT), scale };
-    let [gram, image] = gram_pair(Some(&surface.problem.matrix), scaled, n, &Progress::new()).unwrap();
+    let (read, _) = functions.read(0).unwrap();
+    let constant = read.columns();
+    assert!((0..12_000).all(|i| constant.row(i)[0].to_bits() == constant.row(0)[0].to_bits()));
+    let scale = &surface.problem.root_mass;
+    let [gram, image] = gram_pair(Some(&surface.problem.matrix), functions, scale, &Progress::new()).unwrap();
     for j in 0..COUNT {
         for i in 0..COUNT {
             let expected = if i == j { [1.0, found.values[j]] } else { [0.0, 0.0] };
@@ -104,6 +105,31 @@ fn functions_are_orthonormal_in_the_mass_and_constants_are_constant() {
             assert!((image[(i, j)] - expected[1]).abs() < 1e-5 * found.values[COUNT - 1]);
         }
     }
+}
+
+fn has_the_rows_of(one: &Vectors, other: &Vectors) -> bool {
+    let rows = |of: &Vectors, i: usize| {
+        let mut row = vec![0.0; COUNT];
+        of.write_row(i, 1.0, &mut row);
+        row
+    };
+    (0..12_000).all(|i| rows(one, i) == rows(other, i))
+}
+
+#[test]
+fn what_has_no_room_in_memory_goes_to_a_file_and_has_the_same_bits() {
+    let surface = Surface::of(sampled(Shape::BumpySphere, 12_000, Sampling::Uniform), false);
+    let folder = tempfile::tempdir().unwrap();
+    let short = Progress::new().within(1_000_000).scratch_in(folder.path());
+    let [memory, file] = [&Progress::new(), &short].map(|progress| surface.thinned(3_000, progress).unwrap());
+    assert_eq!((memory.values, memory.dual_residuals), (file.values, file.dual_residuals));
+    assert!(has_the_rows_of(&memory.vectors, &file.vectors));
+    // the sample's bases are in one too
+    let twice = surface.thinned(1_000, &Progress::new().within(0).scratch_in(folder.path())).unwrap();
+    assert!(twice.certificates.dual_residual.unwrap() < 0.02, "{:?}", twice.certificates);
+    assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "files without names");
+    let none = Progress::new().within(0).scratch_in(folder.path().join("none"));
+    assert!(matches!(surface.thinned(3_000, &none).err(), Some(SpectrumError::Scratch(_))));
 }
 
 #[test]
@@ -115,8 +141,7 @@ fn a_samples_bits_do_not_depend_on_the_number_of_threads_and_a_cancellation_ends
     };
     let (one, three) = (on(1), on(3));
     assert_eq!((one.values, one.dual_residuals), (three.values, three.dual_residuals));
-    let (Vectors::Single(one), Vectors::Single(three)) = (one.vectors, three.vectors) else { panic!() };
-    assert!((0..12_000).all(|i| one.row(i) == three.row(i)));
+    assert!(has_the_rows_of(&one.vectors, &three.vectors));
     let canceled = Progress::new();
     canceled.cancel();
     let ended = surface.thinned(3_000, &canceled);
