@@ -106,7 +106,7 @@ fn thinned(
     parameters: &Parameters,
 ) -> u64 {
     let of_sample = Parameters { operator: OperatorKind::Voronoi, ..parameters.clone() };
-    let solving = estimate(sample, dimension, 0, JobKind::Eigen, &of_sample);
+    let solving = estimate(sample, dimension, 0, JobKind::Eigen, &of_sample) - JOB_BYTES;
     let [geometry, rows, kernel] = if parameters.operator.is_narrow() {
         [PREPARED_BYTES, 0, 0]
     } else {
