@@ -6,6 +6,7 @@ use crate::operator::OperatorKind;
 use crate::spectrum::dense::is_dense;
 use crate::spectrum::shift_invert::krylov_vectors_at_end;
 use crate::spectrum::slicing::{SLICE, vectors_held};
+use crate::spectrum::vectors::{TILE_ROWS, TILES_HELD};
 use crate::spectrum::{GROUPS_HELD, GUARDS, PROLONGED_BYTES, PROLONGED_KERNEL_BYTES, group_width};
 
 /// Bytes per point of everything that does not grow with bases: the points twice, 20 neighbors, tree, frames, cells.
@@ -114,13 +115,16 @@ fn thinned(
     };
     let geometry = points.saturating_mul(geometry + 16 * dimension as u64);
     let beside = points.saturating_mul(HELD_BYTES + rows);
-    // groups of vectors, and the bases with their guards or another group
-    let width = group_width(points as usize);
-    let (all, vectors) = match place {
-        Bases::InMemory => (HELD_BYTES + PROLONGED_BYTES, parameters.bases + GUARDS + GROUPS_HELD * width),
-        Bases::InFile => (BESIDE_FILE_BYTES, (GROUPS_HELD + 1) * width),
+    // groups of vectors, and the bases with their guards, or another group and what is kept of the file
+    let (width, columns) = (group_width(points as usize), parameters.bases + GUARDS);
+    let (all, vectors, kept) = match place {
+        Bases::InMemory => (HELD_BYTES + PROLONGED_BYTES, columns + GROUPS_HELD * width, 0),
+        Bases::InFile => {
+            let rows = points.min((TILES_HELD * TILE_ROWS) as u64);
+            (BESIDE_FILE_BYTES, (GROUPS_HELD + 1) * width, 4 * rows * columns as u64)
+        }
     };
-    let prolonged = points.saturating_mul(all + rows + kernel + 4 * vectors as u64);
+    let prolonged = points.saturating_mul(all + rows + kernel + 4 * vectors as u64).saturating_add(kept);
     let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
     most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
 }

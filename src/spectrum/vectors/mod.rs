@@ -10,4 +10,4 @@ pub mod start;
 mod tiled_file;
 
 pub use block::Block;
-pub use tiled_file::Groups;
+pub use tiled_file::{Groups, TILE_ROWS, TILES_HELD};

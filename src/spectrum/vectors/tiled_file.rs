@@ -1,5 +1,5 @@
 //! A matrix in single precision in a file: rows cut into tiles, and every tile into groups of columns, so that some columns of all
-//! rows and all columns of some rows both lie in runs of a hundred kilobytes.
+//! rows and all columns of some rows both lie in runs of tens of kilobytes.
 
 use std::cell::Cell;
 use std::collections::VecDeque;
@@ -11,10 +11,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::block::Block;
 
 /// Rows of a tile: along the curve that orders the points, most neighbors of a row lie in its own.
-pub(super) const TILE_ROWS: usize = 4_096;
+pub const TILE_ROWS: usize = 1_024;
 
-/// Tiles that are kept in memory, those of 100 columns in 100 MB.
-const TILES_KEPT: usize = 64;
+/// Tiles that are kept in memory, and those with what is looked at on two threads.
+const TILES_KEPT: usize = 24;
+pub const TILES_HELD: usize = 2 * TILES_KEPT;
 
 /// How columns are grouped: those before `first` and those from there on, each in groups of `width` of which the last may have
 /// fewer.
