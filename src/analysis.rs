@@ -222,7 +222,7 @@ fn eigenpairs(
         method: solution.method,
     });
     report.warn_of_spectrum();
-    Ok(Eigenbasis::new(&problem, solution.vectors, &solution.imaginary)?)
+    Ok(Eigenbasis::new(&problem, solution.vectors, &solution.imaginary, progress)?)
 }
 
 /// Warns of a cloud that could not be thinned, and refuses pairs that are not what was asked for.

@@ -51,6 +51,9 @@ type Observer = Box<dyn Fn(Phase) + Send + Sync>;
 /// Asked for bytes of memory; false when they cannot be had.
 type Grant = Box<dyn Fn(u64) -> bool + Send + Sync>;
 
+/// Makes a file for so many bytes.
+type Scratch = Box<dyn Fn(u64) -> io::Result<File> + Send + Sync>;
+
 /// The way out of [`Progress::leaving`].
 #[derive(Clone, Copy)]
 pub struct Leave<'a>(&'a Progress);
@@ -81,7 +84,7 @@ pub struct Progress {
     grant: Option<Grant>,
     /// Bytes that are not exceeded where a file can take what is more.
     most: u64,
-    scratch: Option<PathBuf>,
+    scratch: Option<Scratch>,
     /// Looks until it cancels itself.
     #[cfg(test)]
     looks: Option<AtomicU64>,
@@ -135,18 +138,22 @@ impl Progress {
     /// Makes such files in `folder`, and not where the system has its temporary ones, which may be memory itself.
     #[must_use]
     pub fn scratch_in(self, folder: impl Into<PathBuf>) -> Self {
-        Self { scratch: Some(folder.into()), ..self }
+        let folder = folder.into();
+        self.scratch_by(move |_| tempfile::tempfile_in(&folder))
     }
 
-    /// A new file without a name, which is gone when it is dropped or the process ends.
+    /// Makes such files by `make`, which is told how many bytes they will have.
+    #[must_use]
+    pub fn scratch_by(self, make: impl Fn(u64) -> io::Result<File> + Send + Sync + 'static) -> Self {
+        Self { scratch: Some(Box::new(make)), ..self }
+    }
+
+    /// A new file without a name for `bytes` bytes, which is gone when it is dropped or the process ends.
     ///
     /// # Errors
     /// Those of the file system.
-    pub fn scratch_file(&self) -> io::Result<File> {
-        match &self.scratch {
-            Some(folder) => tempfile::tempfile_in(folder),
-            None => tempfile::tempfile(),
-        }
+    pub fn scratch_file(&self, bytes: u64) -> io::Result<File> {
+        self.scratch.as_ref().map_or_else(tempfile::tempfile, |make| make(bytes))
     }
 
     /// Whether there is memory for bytes beside those that are in use; they are then taken. Unlike [`Self::afford_beside`] a
@@ -330,8 +337,8 @@ mod tests {
         assert!(progress.has_room_beside(100) && !progress.has_room_beside(101));
         assert_eq!(progress.afford(1_000), Ok(()), "what no file can take is not refused");
         let folder = tempfile::tempdir().unwrap();
-        progress.scratch_in(folder.path()).scratch_file().unwrap();
-        assert!(Progress::new().scratch_in(folder.path().join("none")).scratch_file().is_err());
+        progress.scratch_in(folder.path()).scratch_file(5).unwrap();
+        assert!(Progress::new().scratch_in(folder.path().join("none")).scratch_file(5).is_err());
     }
 
     #[test]

@@ -111,7 +111,7 @@ fn thinned(
     let [geometry, rows, kernel] = if parameters.operator.is_narrow() {
         [PREPARED_BYTES, 0, 0]
     } else {
-        [GEOMETRY_BYTES + COUPLED * ENTRY_BYTES, HELD_KERNEL_BYTES, PROLONGED_KERNEL_BYTES]
+        [GEOMETRY_BYTES + (COUPLED + 1) * ENTRY_BYTES, HELD_KERNEL_BYTES, PROLONGED_KERNEL_BYTES]
     };
     let geometry = points.saturating_mul(geometry + 16 * dimension as u64);
     let beside = points.saturating_mul(HELD_BYTES + rows);
@@ -125,7 +125,14 @@ fn thinned(
         }
     };
     let prolonged = points.saturating_mul(all + rows + kernel + 4 * vectors as u64).saturating_add(kept);
-    let most = geometry.max(beside.saturating_add(solving)).max(prolonged);
+    // bases at the points of the first sample, from which those of all points come, beside one group of these; and what they
+    // come from where that was thinned out again
+    let first = 4 * columns as u64 * (points / THINNED[0]);
+    let others = vectors - (GROUPS_HELD - 1) * width;
+    let begun = points.saturating_mul(all + rows + kernel + 4 * others as u64).saturating_add(first);
+    let twice = beside.saturating_add(2 * first);
+    let most =
+        [geometry, beside.saturating_add(solving), prolonged, begun, twice].into_iter().fold(0, u64::max);
     most.saturating_add(faces.saturating_mul(24)).saturating_add(JOB_BYTES)
 }
 
@@ -250,7 +257,8 @@ pub(super) fn memory_beside_factor(
 fn with_matrix(points: u64, dimension: usize, matrix: u64, parameters: &Parameters) -> u64 {
     let geometry = GEOMETRY_BYTES + 16 * dimension as u64;
     let vectors = match parameters.sample_of(points, dimension, JobKind::Eigen) {
-        Some(_) => 4 * parameters.bases as u64,
+        // they come when the geometry has gone
+        Some(_) => 0,
         None => 8 * vectors(points, parameters) as u64,
     };
     points.saturating_mul(geometry + vectors).saturating_add(matrix).saturating_add(JOB_BYTES)

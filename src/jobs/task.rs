@@ -1,7 +1,8 @@
 //! One attempt at a job, seen from outside: how far it is, and where its time went.
 
+use std::fs::File;
+use std::io;
 use std::ops::Range;
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
@@ -22,8 +23,12 @@ pub(super) struct Task {
 }
 
 impl Task {
-    /// A computation that may take as much memory as is reserved for it or can be added to that, and files in `scratch`.
-    pub(super) fn begin(reservation: &Arc<Reservation>, scratch: Option<&Path>) -> Self {
+    /// A computation that may take as much memory as is reserved for it or can be added to that, and the files that `scratch` makes
+    /// for so many bytes.
+    pub(super) fn begin(
+        reservation: &Arc<Reservation>,
+        scratch: impl Fn(u64) -> io::Result<File> + Send + Sync + 'static,
+    ) -> Self {
         let timeline = Arc::new(Mutex::new(Timeline::new(Instant::now())));
         let observed = Arc::clone(&timeline);
         let reservation = Arc::downgrade(reservation);
@@ -31,11 +36,8 @@ impl Task {
         let progress = Progress::observed(move |phase| {
             observed.lock().unwrap_or_else(PoisonError::into_inner).enter(phase, Instant::now());
         })
-        .granting(move |bytes| granting.upgrade().is_some_and(|reservation| reservation.grow_to(bytes)));
-        let progress = match scratch {
-            Some(folder) => progress.scratch_in(folder),
-            None => progress,
-        };
+        .granting(move |bytes| granting.upgrade().is_some_and(|reservation| reservation.grow_to(bytes)))
+        .scratch_by(scratch);
         Self { progress: Arc::new(progress), timeline, reservation }
     }
 
@@ -141,7 +143,7 @@ mod tests {
 
     #[test]
     fn a_silent_phase_moves_by_the_clock_and_one_that_reports_does_not() {
-        let task = Task::begin(&Arc::default(), None);
+        let task = Task::begin(&Arc::default(), |_| tempfile::tempfile());
         task.progress.expect([1.0, 1.0, 1.0, 1.0, 1.0, 4.0, 1.0]);
         let start = Instant::now();
         let at = |seconds| start + Duration::from_secs(seconds);
@@ -166,7 +168,7 @@ mod tests {
 
     #[test]
     fn a_task_tells_the_phase_it_is_in() {
-        let task = Task::begin(&Arc::default(), None);
+        let task = Task::begin(&Arc::default(), |_| tempfile::tempfile());
         task.progress.enter(Phase::Assembly).unwrap();
         let vitals = task.vitals();
         assert_eq!(vitals.phase, Phase::Assembly);

@@ -78,7 +78,8 @@ impl Worker {
 
     /// From the claim to the job's end, whatever end that is.
     async fn run_to_end(&self, claim: &Claim, reservation: &Arc<Reservation>) {
-        let task = Task::begin(reservation, self.store.scratch_folder());
+        let store = self.store.clone();
+        let task = Task::begin(reservation, move |bytes| store.scratch_file(bytes));
         let job = claim.job.id;
         let parameters = &claim.job.parameters;
         let (operator, bases) = (parameters.operator.name(), parameters.bases);

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::vectors::block::Block;
 use super::vectors::shelf::{Read, Shelf};
 use super::{Problem, SpectrumError, Vectors};
+use crate::progress::Progress;
 
 /// Bases that are taken out of the rows of eigenvectors together: as many as lie in a cache line.
 const TOGETHER: usize = 8;
@@ -54,12 +55,17 @@ impl Eigenbasis {
     /// largest component is positive.
     ///
     /// # Errors
-    /// [`SpectrumError::Scratch`].
-    pub fn new(problem: &Problem, vectors: Vectors, imaginary: &[f64]) -> Result<Self, SpectrumError> {
+    /// [`SpectrumError::Scratch`], [`SpectrumError::Canceled`].
+    pub fn new(
+        problem: &Problem,
+        vectors: Vectors,
+        imaginary: &[f64],
+        progress: &Progress,
+    ) -> Result<Self, SpectrumError> {
         let bases = match vectors {
             Vectors::Double(vectors) => Bases::Double(functions(problem, &vectors, imaginary)),
             Vectors::Single(functions) => {
-                let signs = signs(&functions)?;
+                let signs = signs(&functions, progress)?;
                 Bases::Single(functions, signs)
             }
         };
@@ -95,7 +101,7 @@ impl Eigenbasis {
     pub fn basis(&self, j: usize) -> Basis<'_> {
         Basis(match &self.bases {
             Bases::Double(bases) => Values::Double(&bases[j]),
-            Bases::Single(bases, factors) => match bases.read(j) {
+            Bases::Single(bases, factors) => match bases.read(j, &Progress::new()) {
                 Ok((some, column)) => Values::Single(some, column, factors[j]),
                 Err(error) => panic!("eigenvectors cannot be read: {error}"),
             },
@@ -132,11 +138,11 @@ fn functions(problem: &Problem, vectors: &Block, imaginary: &[f64]) -> Vec<Vec<f
 }
 
 /// For every function 1, or −1 where its component farthest from zero is negative.
-fn signs(functions: &Shelf) -> Result<Vec<f64>, SpectrumError> {
+fn signs(functions: &Shelf, progress: &Progress) -> Result<Vec<f64>, SpectrumError> {
     let stretches: Vec<usize> = (0..functions.rows()).step_by(ROWS_PER_TASK).collect();
     let mut signs = Vec::with_capacity(functions.columns());
     for group in functions.groups() {
-        let (some, _) = functions.read(group.start)?;
+        let (some, _) = functions.read(group.start, progress)?;
         let some = some.columns();
         let largest_of = |&first: &usize| {
             let mut largest = vec![0.0_f32; some.count()];

@@ -37,7 +37,9 @@ mod space;
 mod sqlite;
 mod write;
 
+use std::fs::File;
 use std::future::Future;
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -143,13 +145,15 @@ impl Store {
         self.news.arrivals.subscribe()
     }
 
-    /// Where files may be made for what does not fit into memory: beside the database, whose disk is there for large results.
-    /// None where that is elsewhere.
-    #[must_use]
-    pub fn scratch_folder(&self) -> Option<&Path> {
+    /// A file without a name for `bytes` bytes that do not fit into memory: beside the database, whose disk is there for large
+    /// results, or where the system has its temporary files.
+    ///
+    /// # Errors
+    /// Those of the file system; [`io::ErrorKind::StorageFull`] where the disk would have less left than its floor.
+    pub fn scratch_file(&self, bytes: u64) -> io::Result<File> {
         match &self.engine {
-            Engine::Sqlite(database) => Some(database.folder()),
-            Engine::Postgres(_) => None,
+            Engine::Sqlite(database) => database.scratch_file(bytes),
+            Engine::Postgres(_) => tempfile::tempfile(),
         }
     }
 

@@ -32,6 +32,10 @@ fn rows_keep_their_points_whatever_was_solved() {
         assert_eq!(exact.mass().len(), found.mass().len());
         let short = Progress::new().within(1_000_000);
         let in_file = analyze(&cloud, JobKind::Eigen, &thinned, &short).unwrap();
+        let refused =
+            Progress::new().within(1_000_000).scratch_by(|_| Err(std::io::ErrorKind::StorageFull.into()));
+        let refused = analyze(&cloud, JobKind::Eigen, &thinned, &refused);
+        assert!(matches!(refused.err(), Some(AnalysisError::Scratch(_))), "{operator:?}: it asks for a file");
         assert_eq!(in_file.report, found.report);
         for j in [0, 11] {
             let bits = |of: &chladni::Analysis| of.basis(j).into_iter().map(f64::to_bits).collect::<Vec<_>>();

@@ -105,9 +105,10 @@ fn bases_ply(npy: &mut File, bases: usize, cloud: &PointCloud, out: &mut impl Wr
             offset += column.kind.size();
         }
         for j in 0..bases {
-            let place = begin + size_of::<f64>() * (j * cloud.len() + first);
+            let before = j as u64 * cloud.len() as u64 + first as u64;
+            let place = begin as u64 + size_of::<f64>() as u64 * before;
             bytes.resize(size_of::<f64>() * (end - first), 0);
-            npy.seek(SeekFrom::Start(place as u64))?;
+            npy.seek(SeekFrom::Start(place))?;
             npy.read_exact(&mut bytes)?;
             values.clear();
             values.extend(bytes.as_chunks().0.iter().map(|bytes| f64::from_le_bytes(*bytes)));

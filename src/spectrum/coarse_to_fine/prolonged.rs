@@ -107,7 +107,7 @@ pub(in crate::spectrum) fn solve<'a, P: Fn(u32) -> &'a [f64] + Sync>(
     values.extend_from_slice(&start.values);
     drop(start);
     for _ in 0..CORRECTIONS_MAX {
-        let dual = correct(problem, &system, &values, &mut vectors, &mut inverse, progress)?;
+        let dual = correct(&system, &values, request.count, &mut vectors, &mut inverse, progress)?;
         values = ritz(problem, &mut vectors, progress)?;
         if values.len() < request.count {
             return Ok(None);
@@ -151,11 +151,14 @@ fn prolonged(
     let (n, zeros, all) = (problem.size(), problem.zero_modes(), start.values.len());
     let groups = Groups { first: zeros, width: width(n) };
     let beside = BESIDE_BYTES + if has_kernel { BESIDE_KERNEL_BYTES } else { 0 };
-    let singles = size_of::<f32>() * (zeros + all + HELD * groups.width);
-    let mut vectors = if progress.has_room_beside((beside + singles as u64).saturating_mul(n as u64)) {
-        Shelf::in_memory(n, zeros + all, groups)
+    let columns = zeros + all;
+    let singles = |columns: usize| (size_of::<f32>() * columns) as u64;
+    let with_groups = beside + singles(columns + HELD * groups.width);
+    let mut vectors = if progress.has_room_beside(with_groups.saturating_mul(n as u64)) {
+        Shelf::in_memory(n, columns, groups)
     } else {
-        Shelf::in_file(progress.scratch_file()?, n, zeros + all, groups)
+        let file = progress.scratch_file(singles(columns).saturating_mul(n as u64))?;
+        Shelf::in_file(file, n, columns, groups)
     };
     let mut block = Block::<f32>::zeros(n, groups.width);
     for group in vectors.groups() {
@@ -171,22 +174,24 @@ fn prolonged(
     Ok(vectors)
 }
 
-/// One correction of every vector behind the null vectors by its residual; the largest ρ before it, nearly.
+/// One correction of every vector behind the null vectors by its residual, of which the first `wanted` are to be good; the
+/// largest ρ before it, nearly.
 fn correct(
-    problem: &Problem,
     system: &System<'_>,
     values: &[f64],
+    wanted: usize,
     vectors: &mut Shelf,
     inverse: &mut TwoGrid<'_>,
     progress: &Progress,
 ) -> Result<f64, SpectrumError> {
+    let problem = system.problem;
     let n = problem.size();
     let mut room = Room::new(n, width(n));
     let mut largest = 0.0_f64;
     let (mut steps, zeros) = (STEPS_MAX, problem.zero_modes());
     for columns in vectors.groups().into_iter().rev().filter(|group| group.start >= zeros) {
         progress.advance(0.8 - 0.6 * columns.end as f64 / values.len() as f64)?;
-        let values = &values[columns.clone()];
+        let (values, is_wanted) = (&values[columns.clone()], columns.start < wanted);
         let mut group = vectors.take(columns, progress)?;
         let some = Scaled { vectors: vectors.columns_of(&group), scale: &[] };
         residual(&mut room.residual, &problem.matrix, some, values);
@@ -201,7 +206,8 @@ fn correct(
             });
             taken.iter_mut().zip(&step.gains).for_each(|(taken, gain)| *taken += gain);
             if made > 0 && step.gains.iter().zip(&taken).all(|(gain, taken)| *gain <= GAIN_MIN * taken) {
-                steps = made;
+                // guards alone tell nothing
+                steps = if is_wanted { made } else { steps };
                 break;
             }
         }

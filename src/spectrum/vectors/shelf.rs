@@ -235,8 +235,8 @@ impl Shelf {
     /// the other.
     ///
     /// # Errors
-    /// [`SpectrumError::Scratch`].
-    pub fn read(&self, j: usize) -> Result<(Read<'_>, usize), SpectrumError> {
+    /// As [`Self::take`].
+    pub fn read(&self, j: usize, progress: &Progress) -> Result<(Read<'_>, usize), SpectrumError> {
         let columns = self.groups.with(j, self.columns);
         let place = j - columns.start;
         let in_file = match &self.place {
@@ -245,7 +245,8 @@ impl Shelf {
             }
             Place::File(in_file) => in_file,
         };
-        // whoever asks for a column of the same group meanwhile waits for it
+        // Whoever asks for a column of the same group meanwhile waits for it. Nothing is done in parallel here: a thread that
+        // waits for a part of its work may be given other work, which asks for a column too.
         let mut read = in_file.read.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((first, block)) = &*read
             && *first == columns.start
@@ -253,7 +254,14 @@ impl Shelf {
             return Ok((Read::Read(Arc::clone(block)), place));
         }
         let mut block = Block::zeros(self.rows, columns.len());
-        read_group(&in_file.file, columns.clone(), &mut block, &Progress::new())?;
+        let file = &in_file.file;
+        block.with_values(|values| {
+            let tiles = values.chunks_mut((TILE_ROWS * columns.len()).max(1)).enumerate();
+            tiles.into_iter().try_for_each(|(tile, values)| {
+                progress.checkpoint()?;
+                Ok::<_, SpectrumError>(file.read(tile, columns.clone(), values, columns.len())?)
+            })
+        })?;
         let block = Arc::new(block);
         *read = Some((columns.start, Arc::clone(&block)));
         Ok((Read::Read(block), place))

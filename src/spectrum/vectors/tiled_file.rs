@@ -168,7 +168,7 @@ impl TiledFile {
     fn run(&self, tile: usize, from: usize) -> (u64, usize, usize) {
         let rows = self.rows_of(tile);
         let columns = self.groups.with(from, self.columns).len();
-        let before = rows.start * self.columns + rows.len() * from;
-        ((size_of::<f32>() * before) as u64, size_of::<f32>() * rows.len() * columns, columns)
+        let before = rows.start as u64 * self.columns as u64 + (rows.len() * from) as u64;
+        (size_of::<f32>() as u64 * before, size_of::<f32>() * rows.len() * columns, columns)
     }
 }

@@ -9,6 +9,8 @@ mod disk;
 mod lock;
 mod writer;
 
+use std::fs::File;
+use std::io;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -39,9 +41,9 @@ impl Database {
         Ok(Self { writer, readers, arrays, busy: settings.busy, disk: Disk::of(path, settings.disk_floor) })
     }
 
-    /// The folder that the file is in.
-    pub(super) fn folder(&self) -> &Path {
-        self.disk.folder()
+    /// A file without a name beside the database's.
+    pub(super) fn scratch_file(&self, bytes: u64) -> io::Result<File> {
+        self.disk.scratch_file(bytes)
     }
 
     /// Ends all connections and merges the write-ahead log into the file.

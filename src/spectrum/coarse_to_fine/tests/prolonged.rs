@@ -93,7 +93,7 @@ fn functions_are_orthonormal_in_the_mass_and_constants_are_constant() {
     let surface = Surface::of(sampled(Shape::BumpySphere, 12_000, Sampling::Uniform), false);
     let found = surface.thinned(3_000, &Progress::new()).unwrap();
     let Vectors::Single(functions) = &found.vectors else { panic!("in double precision") };
-    let (read, _) = functions.read(0).unwrap();
+    let (read, _) = functions.read(0, &Progress::new()).unwrap();
     let constant = read.columns();
     assert!((0..12_000).all(|i| constant.row(i)[0].to_bits() == constant.row(0)[0].to_bits()));
     let scale = &surface.problem.root_mass;

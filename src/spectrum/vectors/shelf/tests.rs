@@ -45,7 +45,7 @@ fn groups_and_rows_have_the_same_numbers_in_memory_and_in_a_file() {
         let unchanged = shelf.take(2..5, &Progress::new()).unwrap();
         shelf.put_unchanged(unchanged);
         for (j, first) in [(1, 0), (6, 5), (7, 5), (8, 8)] {
-            let (read, place) = shelf.read(j).unwrap();
+            let (read, place) = shelf.read(j, &Progress::new()).unwrap();
             assert_eq!(place, j - first);
             let found = read.columns().row(TILE_ROWS)[place];
             assert_eq!(found.to_bits(), changed(TILE_ROWS, j).to_bits());
@@ -91,6 +91,7 @@ fn a_cancellation_ends_what_goes_through_all_rows() {
     let [_, mut in_file] = shelves();
     ended(in_file.store(0..2, &Block::zeros(ROWS, 2), &canceled));
     ended(in_file.take(0..2, &canceled).map(|_| ()));
+    ended(in_file.read(3, &canceled).map(|_| ()));
     assert!(has_entries(&in_file, entry));
 }
 
@@ -98,7 +99,27 @@ fn a_cancellation_ends_what_goes_through_all_rows() {
 fn a_file_that_ends_too_early_is_an_error() {
     let mut shelf = Shelf::in_file(tempfile::tempfile().unwrap(), ROWS, 4, GROUPS);
     assert!(
-        shelf.take(0..2, &Progress::new()).is_err() && shelf.view([5]).is_err() && shelf.read(2).is_err()
+        shelf.take(0..2, &Progress::new()).is_err()
+            && shelf.view([5]).is_err()
+            && shelf.read(2, &Progress::new()).is_err()
     );
     assert!(shelf.for_each_stretch(&Progress::new(), |_, _, _| {}).is_err());
+}
+
+/// A thread that waits for a part of what it reads may be given another column to read.
+#[test]
+fn many_threads_read_columns_at_once() {
+    let [_, in_file] = shelves();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(6).build().unwrap();
+    let ends: Vec<f32> = pool.install(|| {
+        (0..900_usize)
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|k| {
+                let (read, place) = in_file.read(k % 9, &Progress::new()).unwrap();
+                read.columns().row(ROWS - 1)[place]
+            })
+            .collect()
+    });
+    assert!(ends.iter().enumerate().all(|(k, end)| end.to_bits() == entry(ROWS - 1, k % 9).to_bits()));
 }
