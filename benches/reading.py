@@ -4,7 +4,7 @@
     .ci/tool formats -r .ci/requirements.txt && target/tools/formats/bin/pip install pye57 open3d
     target/tools/formats/bin/python benches/reading.py [POINTS]
 
-Every reader gets the best of five rounds; chladni reads from memory what the others read from the page cache.
+Every reader gets the best of five rounds; chladni reads from memory what the others read from the page cache. All give doubles.
 """
 
 import subprocess
@@ -26,7 +26,8 @@ colors = random.integers(0, 256, size=(N, 3), dtype=np.uint8)
 
 def plyfile(path):
     vertex = PlyData.read(path)["vertex"]
-    return [np.column_stack([vertex[a] for a in "xyz"]), *(vertex[c].astype(np.float32) for c in ("red", "green", "blue") if c in vertex)]
+    columns = [vertex[c].astype(np.float64) for c in ("red", "green", "blue") if c in vertex]
+    return [np.column_stack([vertex[a] for a in "xyz"]).astype(np.float64, copy=False), *columns]
 
 
 def las(path):
@@ -41,7 +42,7 @@ def numpy(path):
 def pcd(path):
     import pypcd4
 
-    return pypcd4.PointCloud.from_path(path).numpy()
+    return pypcd4.PointCloud.from_path(path).numpy().astype(np.float64)
 
 
 def e57(path):

@@ -11,6 +11,10 @@ use chladni::cloud::reader::{Format, Limits, ReadOptions, read};
 
 const ROUNDS: usize = 5;
 
+/// That of the service: how fast memory is had is a large part of the time.
+#[global_allocator]
+static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let limits = Limits { points_max: u32::MAX as usize, faces_max: u32::MAX as usize, ..Limits::default() };
     let options = ReadOptions { limits, policy: NonFinite::Drop, ..ReadOptions::default() };

@@ -44,10 +44,10 @@
 //! A [`PointCloud`] can be put together too; it keeps fields, faces, the types of the file and the grid of its coordinates.
 //!
 //! ```
-//! use chladni::{CloudError, Grid, PointCloud, ScalarField, ScalarType};
+//! use chladni::{CloudError, Grid, Numbers, PointCloud, ScalarField, ScalarType};
 //!
 //! let cloud = PointCloud::from_points(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])?;
-//! let heat = ScalarField { name: "heat".into(), kind: ScalarType::Float32, values: vec![1.0, 2.0] };
+//! let heat = ScalarField { name: "heat".into(), kind: ScalarType::Float32, values: Numbers::from(vec![1.0, 2.0]) };
 //! let short = cloud.clone().with_fields(vec![heat]);
 //! assert!(matches!(short, Err(CloudError::FieldLength { values: 2, points: 3, .. })));
 //!
@@ -269,7 +269,7 @@ pub use cloud::shapes::{SampleError, SampleRequest, Sampling, Shape, sample};
 #[doc(inline)]
 pub use cloud::writer::write;
 #[doc(inline)]
-pub use cloud::{CloudError, Grid, NonFinite, PointCloud, ScalarField, ScalarType};
+pub use cloud::{CloudError, Grid, NonFinite, Numbers, PointCloud, ScalarField, ScalarType};
 #[doc(inline)]
 pub use harmonics::features::{Extremum, extrema, features};
 #[doc(inline)]

@@ -116,7 +116,7 @@ impl Cloud {
     /// The same cloud with these fields in place of its own: names, types and one array each.
     fn with_fields(&self, fields: Vec<(String, String, PyReadonlyArray1<'_, f64>)>) -> PyResult<Self> {
         let field = |(name, kind, values): (String, String, PyReadonlyArray1<'_, f64>)| {
-            Ok(ScalarField { name, kind: scalar_type(&kind)?, values: values.as_slice()?.to_vec() })
+            Ok(ScalarField { name, kind: scalar_type(&kind)?, values: values.as_slice()?.to_vec().into() })
         };
         let fields = fields.into_iter().map(field).collect::<PyResult<Vec<_>>>()?;
         Ok(PointCloud::clone(&self.inner).with_fields(fields).map_err(refused)?.into())

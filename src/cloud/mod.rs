@@ -3,6 +3,7 @@
 mod error;
 mod grid;
 mod las;
+mod numbers;
 mod origin;
 pub mod reader;
 mod scalar;
@@ -14,6 +15,7 @@ use rayon::prelude::*;
 
 pub use error::CloudError;
 pub use grid::Grid;
+pub use numbers::Numbers;
 pub use origin::Origin;
 pub use survey::{Bytes, Survey};
 
@@ -54,7 +56,7 @@ pub struct ScalarField {
     /// Type as in the file.
     pub kind: ScalarType,
     /// One value per point.
-    pub values: Vec<f64>,
+    pub values: Numbers,
 }
 
 words! {
@@ -77,7 +79,7 @@ words! {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointCloud {
     dimension: usize,
-    coordinates: Vec<f64>,
+    coordinates: Numbers,
     coordinate_type: ScalarType,
     grids: Option<[Grid; 3]>,
     origin: Origin,
@@ -107,13 +109,13 @@ impl PointCloud {
     /// [`CloudError`] when there is no point, the dimension is out of range, or a coordinate is not finite
     /// and `policy` is [`NonFinite::Reject`].
     pub fn new(dimension: usize, coordinates: Vec<f64>, policy: NonFinite) -> Result<Self, CloudError> {
-        Self::looked_through(dimension, coordinates, policy, false)
+        Self::looked_through(dimension, coordinates.into(), policy, false)
     }
 
     /// [`Self::new`] for coordinates that may be known to be finite: readers look at them while they are in the cache.
     fn looked_through(
         dimension: usize,
-        coordinates: Vec<f64>,
+        coordinates: Numbers,
         policy: NonFinite,
         are_finite: bool,
     ) -> Result<Self, CloudError> {
@@ -397,7 +399,7 @@ mod tests {
         let field = ScalarField {
             name: "a".to_owned(),
             kind: ScalarType::Int8,
-            values: vec![1.0, 2.0, 3.0, 4.0, 5.0],
+            values: vec![1.0, 2.0, 3.0, 4.0, 5.0].into(),
         };
         let cloud = PointCloud::new(2, points, NonFinite::Drop)
             .and_then(|cloud| cloud.with_fields(vec![field]))

@@ -91,7 +91,7 @@ impl Target {
             Self::Fields(places) => places
                 .iter()
                 .map(|&place| &cloud.fields()[place])
-                .map(|field| Function::new(field.name.clone(), field.values.clone()))
+                .map(|field| Function::new(field.name.clone(), field.values.to_vec()))
                 .collect(),
         };
         if let Some(row_of) = functions::first_occurrences(cloud, mass) {
@@ -120,7 +120,7 @@ impl Target {
                 let mut fields = cloud.fields().to_vec();
                 for (&place, column) in places.iter().zip(columns) {
                     let field = &mut fields[place];
-                    field.values.clone_from(column);
+                    field.values = column.clone().into();
                     match field.kind.integer_range().filter(|_| COLORS.contains(&field.name.as_str())) {
                         Some((low, high)) => {
                             field.values.iter_mut().for_each(|x| *x = x.round().clamp(low, high));
@@ -233,7 +233,7 @@ mod tests {
         let field = crate::cloud::ScalarField {
             name: "q".to_owned(),
             kind: ScalarType::Float32,
-            values: vec![1.0, nan, 3.0, f64::INFINITY],
+            values: vec![1.0, nan, 3.0, f64::INFINITY].into(),
         };
         let cloud = PointCloud::new(1, vec![0.0, 1.0, 2.0, 3.0], NonFinite::Reject).unwrap();
         let cloud = cloud.with_fields(vec![field]).unwrap();
@@ -246,7 +246,7 @@ mod tests {
         let empty = cloud.clone().with_fields(vec![crate::cloud::ScalarField {
             name: "q".to_owned(),
             kind: ScalarType::Float32,
-            values: vec![nan; 4],
+            values: vec![nan; 4].into(),
         }]);
         let empty = empty.unwrap();
         let target = Target::named(&empty, &["q"]).unwrap();
@@ -258,7 +258,7 @@ mod tests {
         let field = |name: &str| crate::cloud::ScalarField {
             name: name.to_owned(),
             kind: ScalarType::Uint8,
-            values: vec![1.0, 2.0, 3.0],
+            values: vec![1.0, 2.0, 3.0].into(),
         };
         let cloud = PointCloud::new(1, vec![0.0, 1.0, 2.0], NonFinite::Reject).unwrap();
         let cloud = cloud.with_fields(vec![field("red"), field("echo")]).unwrap();
@@ -267,7 +267,7 @@ mod tests {
         let cloud = target.replaced(&cloud, &[filtered.clone(), filtered.clone()]).unwrap();
         let [red, echo] = cloud.fields() else { panic!("two fields") };
         assert_eq!((red.kind, &red.values[..]), (ScalarType::Uint8, &[0.0, 1.0, 255.0][..]));
-        assert_eq!((echo.kind, &echo.values), (ScalarType::Float64, &filtered));
+        assert_eq!((echo.kind, &echo.values[..]), (ScalarType::Float64, &filtered[..]));
     }
 
     #[test]

@@ -369,7 +369,7 @@ async fn cloud_with_digest(
 /// What has been read of a cloud.
 struct Pieces {
     coordinates: Vec<f64>,
-    fields: Vec<ScalarField>,
+    fields: Vec<Vec<f64>>,
     faces: Vec<[u32; 3]>,
     continued: Vec<u32>,
 }
@@ -378,14 +378,9 @@ impl Pieces {
     /// Nothing yet, with room for all that `record` describes.
     fn of(record: &CloudRecord) -> Self {
         let points = record.points as usize;
-        let field = |field: &FieldRecord| ScalarField {
-            name: field.name.clone(),
-            kind: field.kind,
-            values: Vec::with_capacity(points),
-        };
         Self {
             coordinates: Vec::with_capacity(points * record.dimension),
-            fields: record.fields.iter().map(field).collect(),
+            fields: record.fields.iter().map(|_| Vec::with_capacity(points)).collect(),
             faces: Vec::with_capacity(record.faces as usize),
             continued: Vec::new(),
         }
@@ -397,7 +392,7 @@ impl Pieces {
             let bytes: &[u8] = row.try_get("data")?;
             let numbers = match part {
                 Part::Coordinates => &mut self.coordinates,
-                Part::Field(field) => &mut self.fields[field].values,
+                Part::Field(field) => &mut self.fields[field],
                 Part::Faces if content::read_faces(bytes, &mut self.faces) => continue,
                 Part::Polygons if content::read_polygons(bytes, &mut self.continued) => continue,
                 Part::Faces | Part::Polygons => {
@@ -412,8 +407,14 @@ impl Pieces {
 
     /// The cloud that `record` describes, if these are its numbers.
     fn assemble(self, record: &CloudRecord) -> Result<PointCloud, StoreError> {
+        let fields = record.fields.iter().zip(self.fields);
+        let fields = fields.map(|(FieldRecord { name, kind }, values)| ScalarField {
+            name: name.clone(),
+            kind: *kind,
+            values: values.into(),
+        });
         let cloud = PointCloud::new(record.dimension, self.coordinates, NonFinite::Drop)
-            .and_then(|cloud| cloud.with_fields(self.fields))
+            .and_then(|cloud| cloud.with_fields(fields.collect()))
             .and_then(|cloud| cloud.with_faces(self.faces))
             .and_then(|cloud| cloud.with_polygons(self.continued))
             .map_err(|e| StoreError::Damaged(format!("cloud {}: {e}", record.id)))?

@@ -159,7 +159,7 @@ mod tests {
     fn the_digest_tells_every_part_of_a_cloud_apart() {
         let plain = cloud(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
         let field = |name: &str, kind, values: [f64; 3]| {
-            let field = ScalarField { name: name.to_owned(), kind, values: values.to_vec() };
+            let field = ScalarField { name: name.to_owned(), kind, values: values.to_vec().into() };
             plain.clone().with_fields(vec![field]).unwrap()
         };
         let clouds = [

@@ -470,7 +470,7 @@ async fn a_field_with_a_gap_is_filtered_around_it() {
     let sphere = sphere(POINTS);
     let mut values: Vec<f64> = (0..POINTS).map(|i| sphere.point(i)[2]).collect();
     values[GAP] = f64::NAN;
-    let field = ScalarField { name: "heat".to_owned(), kind: ScalarType::Float64, values };
+    let field = ScalarField { name: "heat".to_owned(), kind: ScalarType::Float64, values: values.into() };
     let body = file(&sphere.clone().with_fields(vec![field]).unwrap(), Format::Ply);
     let id = service.succeed(&format!("bases={BASES}&operator=voronoi"), body).await;
     let json = service.json(&format!("/jobs/{id}/filtered?field=heat&cutoff=4&format=json")).await;

@@ -36,7 +36,7 @@ fn everything() -> PointCloud {
     let extreme = |end: f64| (0..n).map(|i| if i % 2 == 0 { end } else { 1.0 }).collect::<Vec<f64>>();
     let mut fields: Vec<ScalarField> = KINDS
         .iter()
-        .map(|&(kind, end)| ScalarField { name: format!("{kind:?}"), kind, values: extreme(end) })
+        .map(|&(kind, end)| ScalarField { name: format!("{kind:?}"), kind, values: extreme(end).into() })
         .collect();
     fields[6].values[0] = f64::NAN;
     let mut faces: Vec<[u32; 3]> = (0..n as u32 - 2).map(|i| [i, i + 1, i + 2]).collect();
@@ -62,7 +62,8 @@ async fn clouds_of_many_chunks_come_back_bit_for_bit() {
     for points in [16 * CHUNK_POINTS, 32 * CHUNK_POINTS + 1] {
         let numbers: Vec<f64> = (0..points).map(|i| (i as f64).sqrt()).collect();
         let faces: Vec<[u32; 3]> = (0..points as u32 - 2).map(|i| [i, i + 1, i + 2]).collect();
-        let field = ScalarField { name: "a".to_owned(), kind: ScalarType::Float64, values: numbers.clone() };
+        let field =
+            ScalarField { name: "a".to_owned(), kind: ScalarType::Float64, values: numbers.clone().into() };
         let cloud = PointCloud::new(1, numbers, NonFinite::Drop).unwrap().with_faces(faces).unwrap();
         let cloud = cloud.with_fields(vec![field]).unwrap();
         let record = store.submit(&cloud, None).await.unwrap().cloud;
@@ -106,7 +107,7 @@ async fn a_record_says_what_the_cloud_holds() {
     let stage = Stage::new();
     let store = stage.open().await;
     let coordinates = vec![0.0, 2.0, 1.0, -3.0, 0.0, 2.0, f64::NAN, 0.0];
-    let field = ScalarField { name: "red".to_owned(), kind: ScalarType::Uint8, values: vec![1.0; 4] };
+    let field = ScalarField { name: "red".to_owned(), kind: ScalarType::Uint8, values: vec![1.0; 4].into() };
     let cloud = PointCloud::new(2, coordinates, NonFinite::Drop).unwrap().with_fields(vec![field]).unwrap();
     let submitted = store.submit(&cloud.with_faces(vec![[0, 1, 2]]).unwrap(), None).await.unwrap();
     let record = submitted.cloud;

@@ -109,7 +109,7 @@ fn basis(results: &Results, index: usize) -> Result<&[f64], Failure> {
 
 fn field<'a>(cloud: &'a PointCloud, name: &str) -> Result<&'a [f64], Failure> {
     let found = cloud.fields().iter().find(|field| field.name == name);
-    found.map(|field| field.values.as_slice()).ok_or_else(|| {
+    found.map(|field| &*field.values).ok_or_else(|| {
         let names: Vec<_> = cloud.fields().iter().map(|field| field.name.as_str()).collect();
         Failure::Input(format!("--field {name}: the cloud has the fields {}", names.join(", ")))
     })

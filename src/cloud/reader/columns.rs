@@ -1,10 +1,12 @@
 //! Rows of numbers become coordinates and fields, column by column.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::text::{Lines, before_comment};
 use super::{Format, Limits, ReadError, ReadOptions};
-use crate::cloud::{PointCloud, ScalarField, ScalarType, all_finite};
+use crate::cloud::{Numbers, PointCloud, ScalarField, ScalarType, all_finite};
 
 /// Where the values of one column of a file go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,9 +53,9 @@ const BLOCK_ROWS: usize = 512;
 /// Rows that one thread decodes at a time.
 const PART_ROWS: usize = 128 * BLOCK_ROWS;
 
-/// Some rows of fixed length, and where their numbers go.
+/// Some rows, and where their numbers go.
 pub(super) struct Block<'a, 'b> {
-    pub(super) rows: &'a [u8],
+    pub(super) rows: Range<usize>,
     /// Of all axes, point by point.
     pub(super) coordinates: &'b mut [f64],
     fields: &'b mut [&'a mut [f64]],
@@ -62,8 +64,8 @@ pub(super) struct Block<'a, 'b> {
 
 impl Block<'_, '_> {
     /// The values of a field.
-    pub(super) fn field(&mut self, field: usize, stride: usize) -> &mut [f64] {
-        &mut self.fields[field][self.first..self.first + self.rows.len() / stride]
+    pub(super) fn field(&mut self, field: usize) -> &mut [f64] {
+        &mut self.fields[field][self.first..self.first + self.rows.len()]
     }
 }
 
@@ -72,7 +74,7 @@ impl Block<'_, '_> {
 pub(super) struct Columns {
     pub(super) targets: Vec<Target>,
     pub(super) dimension: usize,
-    pub(super) coordinates: Vec<f64>,
+    pub(super) coordinates: Numbers,
     pub(super) fields: Vec<ScalarField>,
     /// Told with the cloud.
     pub(super) notes: Vec<String>,
@@ -127,20 +129,20 @@ impl Columns {
                 kinds.push(column.kind);
             } else {
                 let name = unique(&column.name, &fields);
-                fields.push(ScalarField { name, kind: column.kind, values: Vec::new() });
+                fields.push(ScalarField { name, kind: column.kind, values: Numbers::default() });
             }
         }
         let same = kinds.windows(2).all(|pair| pair[0] == pair[1]);
         let coordinate_type =
             if same { kinds.first().copied().unwrap_or(ScalarType::Float64) } else { ScalarType::Float64 };
-        let (coordinates, notes) = (Vec::new(), Vec::new());
+        let (coordinates, notes) = (Numbers::default(), Vec::new());
         let (are_finite, limits) = (false, *limits);
         Ok(Self { targets, dimension, coordinates, fields, notes, coordinate_type, are_finite, limits })
     }
 
     /// Leaves a field out, from here on and what it had.
     pub(super) fn leave_out(&mut self, field: usize) {
-        self.fields[field].values = Vec::new();
+        self.fields[field].values = Numbers::default();
         for target in &mut self.targets {
             if *target == Target::Field(field) {
                 *target = Target::Skipped;
@@ -157,53 +159,42 @@ impl Columns {
     pub(super) fn reserve(&mut self, points: usize) -> Result<(), ReadError> {
         self.limits.points(points)?;
         self.limits.memory(self.bytes_of(points))?;
-        self.coordinates.reserve_exact(points * self.dimension);
+        self.coordinates.growing().reserve_exact(points * self.dimension);
         for field in &mut self.fields {
-            field.values.reserve_exact(points);
+            field.values.growing().reserve_exact(points);
         }
         Ok(())
     }
 
-    /// Refuses `points` beyond the limits, then makes them, at 0: the pages come zeroed from the system and are
-    /// touched only once, when they are filled.
+    /// Refuses `points` beyond the limits, then makes them, at 0.
     pub(super) fn zeroed(&mut self, points: usize) -> Result<(), ReadError> {
         self.limits.points(points)?;
         self.limits.memory(self.bytes_of(points))?;
-        self.coordinates = vec![0.0; points * self.dimension];
+        self.coordinates = Numbers::zeros(points * self.dimension);
         for field in &mut self.fields {
-            field.values = vec![0.0; points];
+            field.values = Numbers::zeros(points);
         }
         Ok(())
     }
 
-    /// Decodes rows of `stride` bytes into numbers that are there, on all threads: each touches its own memory first.
-    pub(super) fn decode_blocks(
-        &mut self,
-        rows: &[u8],
-        stride: usize,
-        decode: impl Fn(&mut Block<'_, '_>) + Sync,
-    ) {
+    /// Fills the numbers that are there, on all threads: each touches its own memory first.
+    pub(super) fn fill_blocks(&mut self, fill: impl Fn(&mut Block<'_, '_>) + Sync) {
         let dimension = self.dimension;
-        let coordinates = self.coordinates.chunks_mut(PART_ROWS * dimension);
-        let mut parts: Vec<_> = rows
-            .chunks(PART_ROWS * stride)
-            .zip(coordinates)
-            .map(|(rows, coordinates)| (rows, coordinates, Vec::new()))
-            .collect();
+        let coordinates = self.coordinates.chunks_mut(PART_ROWS * dimension).enumerate();
+        let mut parts: Vec<_> =
+            coordinates.map(|(part, coordinates)| (part * PART_ROWS, coordinates, Vec::new())).collect();
         for field in &mut self.fields {
             for ((_, _, fields), values) in parts.iter_mut().zip(field.values.chunks_mut(PART_ROWS)) {
                 fields.push(values);
             }
         }
-        let part_is_finite = |(rows, coordinates, mut fields): (_, &mut [f64], Vec<_>)| {
-            let blocks = <[u8]>::chunks(rows, BLOCK_ROWS * stride);
+        let part_is_finite = |(start, coordinates, mut fields): (usize, &mut [f64], Vec<_>)| {
             let mut are_finite = true;
-            for (index, (rows, coordinates)) in
-                blocks.zip(coordinates.chunks_mut(BLOCK_ROWS * dimension)).enumerate()
-            {
+            for (index, coordinates) in coordinates.chunks_mut(BLOCK_ROWS * dimension).enumerate() {
                 let (fields, first) = (fields.as_mut_slice(), index * BLOCK_ROWS);
+                let rows = start + first..start + first + coordinates.len() / dimension;
                 let mut block = Block { rows, coordinates, fields, first };
-                decode(&mut block);
+                fill(&mut block);
                 are_finite &= all_finite(block.coordinates);
             }
             are_finite
@@ -215,11 +206,11 @@ impl Columns {
     pub(super) fn push(&mut self, row: &[f64]) -> Result<(), ReadError> {
         let start = self.coordinates.len();
         self.limits.points(self.len() + 1)?;
-        self.coordinates.resize(start + self.dimension, 0.0);
+        self.coordinates.growing().resize(start + self.dimension, 0.0);
         for (&target, &value) in self.targets.iter().zip(row) {
             match target {
                 Target::Coordinate(axis) => self.coordinates[start + axis] = value,
-                Target::Field(field) => self.fields[field].values.push(value),
+                Target::Field(field) => self.fields[field].values.growing().push(value),
                 Target::Skipped => {}
             }
         }
@@ -227,7 +218,7 @@ impl Columns {
     }
 
     /// Adds a field with a value for every point.
-    pub(super) fn append(&mut self, name: &str, kind: ScalarType, values: Vec<f64>) -> Result<(), ReadError> {
+    pub(super) fn append(&mut self, name: &str, kind: ScalarType, values: Numbers) -> Result<(), ReadError> {
         let fields = self.fields.len() + 1;
         if fields > self.limits.fields_max {
             return Err(ReadError::TooManyFields { fields, fields_max: self.limits.fields_max });

@@ -110,7 +110,7 @@ fn cloud() -> crate::cloud::PointCloud {
     let field = |name: &str| crate::cloud::ScalarField {
         name: name.to_owned(),
         kind: crate::cloud::ScalarType::Uint16,
-        values: vec![1.0, 2.0, 3.0],
+        values: vec![1.0, 2.0, 3.0].into(),
     };
     let points = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 0.0];
     let cloud = crate::cloud::PointCloud::new(3, points, crate::cloud::NonFinite::Reject);

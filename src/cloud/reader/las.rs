@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use self::file::File;
 use super::columns::{Column, Columns, Target};
+use super::decode::{ByteOrder, Place as Slot};
 use super::number::{Number, Source};
-use super::ply::{ByteOrder, Place as Slot};
 use super::{Format, Location, ReadError, ReadOptions, guarded};
 use crate::cloud::las::{self, Extra, Place, Record, at};
 use crate::cloud::{Bytes, Origin, PointCloud, ScalarType, Survey};
@@ -70,10 +70,11 @@ impl File<'_> {
         let mut columns = Columns::leading(&named, 3, &options.limits)?;
         columns.zeroed(self.points)?;
         let (targets, stride) = (columns.targets.clone(), self.record);
-        columns.decode_blocks(records, stride, |block| {
+        columns.fill_blocks(|block| {
+            let records = &records[block.rows.start * stride..block.rows.end * stride];
             for axis in 0..3 {
                 let number = Number::little(ScalarType::Int32);
-                let source = Source { rows: block.rows, stride, offset: 4 * axis, number };
+                let source = Source { rows: records, stride, offset: 4 * axis, number };
                 source.decode(Slot { out: block.coordinates, stride: 3, offset: axis });
             }
             for point in block.coordinates.as_chunks_mut::<3>().0 {
@@ -81,7 +82,7 @@ impl File<'_> {
             }
             for (place, target) in layout.iter().zip(&targets[3..]) {
                 if let Target::Field(field) = *target {
-                    self.decode(place, block.rows, block.field(field, stride));
+                    self.decode(place, records, block.field(field));
                 }
             }
         });

@@ -6,6 +6,7 @@ mod colmap;
 mod columns;
 mod container;
 mod csv;
+mod decode;
 mod dialect;
 mod e57;
 mod error;

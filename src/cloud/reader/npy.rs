@@ -10,8 +10,8 @@ mod header;
 use self::header::Header;
 use super::columns::{Column, Columns, leading_dimension};
 use super::container::Container;
+use super::decode::Place;
 use super::number::{self, Source};
-use super::ply::Place;
 use super::{Format, ReadError, ReadOptions, names};
 use crate::cloud::PointCloud;
 

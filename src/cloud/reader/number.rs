@@ -1,7 +1,9 @@
 //! Columns of binary numbers at fixed places, and the number types that NumPy, PCD and LAS have.
 
+use std::ops::Range;
+
 use super::columns::{Columns, Target};
-use super::ply::{ByteOrder, Place, decode, decode_integers};
+use super::decode::{ByteOrder, Place, decode, decode_integers, decode_points};
 use crate::cloud::scalar::Stored;
 use crate::cloud::{ScalarField, ScalarType};
 
@@ -74,6 +76,30 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
+    /// The same column of some of the rows.
+    fn of(&self, rows: &Range<usize>) -> Self {
+        let end = self.rows.len().min(rows.end * self.stride);
+        Self { rows: self.rows.get(rows.start * self.stride..end).unwrap_or_default(), ..*self }
+    }
+
+    /// Whether `next` stands right behind it, in the same rows and of the same type.
+    fn is_followed_by(&self, next: &Self) -> bool {
+        std::ptr::eq(self.rows, next.rows)
+            && (self.stride, self.number) == (next.stride, next.number)
+            && self.offset + self.number.size() == next.offset
+    }
+
+    /// Decodes this column and the two behind it into points in space; `false`, and nothing is done, for types that
+    /// coordinates rarely have.
+    fn decode_points(&self, points: &mut [[f64; 3]]) -> bool {
+        match self.number {
+            Number::Scalar(kind, order) => {
+                decode_points(self.rows, self.stride, self.offset, kind, order, points)
+            }
+            Number::Integer { .. } => false,
+        }
+    }
+
     /// Decodes all values into their places.
     pub(super) fn decode(&self, place: Place<'_>) {
         let &Self { rows, stride, offset, number } = self;
@@ -98,23 +124,48 @@ pub(super) fn rounded(field: &ScalarField) -> Option<String> {
         .then(|| format!("`{}` has integers of more than 53 bits, which were rounded to doubles", field.name))
 }
 
-/// Decodes every column into coordinates and fields, which have room for all values; there is a source per target.
+/// Decodes every column into coordinates and fields, which have room for all values, and tells of integers that doubles do
+/// not hold; there is a source per target.
 pub(super) fn fill(columns: &mut Columns, sources: &[Source<'_>]) {
+    decode_all(columns, sources);
     for (source, target) in sources.iter().zip(&columns.targets) {
-        let is_wide = matches!(source.number, Number::Integer { .. });
-        match *target {
-            Target::Coordinate(axis) => {
-                let (stride, out) = (columns.dimension, columns.coordinates.as_mut_slice());
-                source.decode(Place { out, stride, offset: axis });
-            }
-            Target::Field(field) => {
-                let field = &mut columns.fields[field];
-                source.decode(Place::packed(&mut field.values));
-                if is_wide {
-                    columns.notes.extend(rounded(field));
-                }
-            }
-            Target::Skipped => {}
+        if let (Number::Integer { .. }, Target::Field(field)) = (source.number, *target) {
+            columns.notes.extend(rounded(&columns.fields[field]));
         }
     }
+}
+
+/// The same without a word.
+pub(super) fn decode_all(columns: &mut Columns, sources: &[Source<'_>]) {
+    let (targets, dimension) = (columns.targets.clone(), columns.dimension);
+    let together = together(sources, &targets, dimension);
+    columns.fill_blocks(|block| {
+        let points = block.coordinates.as_chunks_mut::<3>().0;
+        let is_decoded = together.is_some_and(|source| source.of(&block.rows).decode_points(points));
+        for (source, target) in sources.iter().zip(&targets) {
+            match *target {
+                Target::Coordinate(_) if is_decoded => {}
+                Target::Coordinate(axis) => {
+                    let place = Place { out: block.coordinates, stride: dimension, offset: axis };
+                    source.of(&block.rows).decode(place);
+                }
+                Target::Field(field) => {
+                    source.of(&block.rows).decode(Place::packed(block.field(field)));
+                }
+                Target::Skipped => {}
+            }
+        }
+    });
+}
+
+/// The first of x, y and z where these stand behind each other, have one type, and are all coordinates.
+fn together<'a, 'b>(
+    sources: &'b [Source<'a>],
+    targets: &[Target],
+    dimension: usize,
+) -> Option<&'b Source<'a>> {
+    let axes = [0, 1, 2].map(Target::Coordinate);
+    let first = targets.windows(3).position(|three| three == axes).filter(|_| dimension == 3)?;
+    let are_together = sources[first..first + 3].windows(2).all(|two| two[0].is_followed_by(&two[1]));
+    are_together.then(|| &sources[first])
 }

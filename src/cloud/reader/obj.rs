@@ -231,7 +231,7 @@ impl Mesh {
         }
         for (name, values) in ["red", "green", "blue", "alpha"].into_iter().zip(self.colors) {
             if is_colored && values.len() == points && options.limits.fields_max > columns.fields.len() {
-                columns.append(name, ScalarType::Float64, values)?;
+                columns.append(name, ScalarType::Float64, values.into())?;
             }
         }
         columns.notes.extend(self.passed_over.notes());
@@ -280,7 +280,7 @@ mod tests {
     fn colors_are_kept_when_every_vertex_has_them() {
         let cloud = obj("v 0 0 0 0.1 0.2 0.3\nv 1 0 0 0.4 0.5 0.6\n").unwrap();
         let blue = &cloud.fields()[2];
-        assert_eq!((blue.name.as_str(), blue.values.as_slice()), ("blue", &[0.3, 0.6][..]));
+        assert_eq!((blue.name.as_str(), &blue.values[..]), ("blue", &[0.3, 0.6][..]));
         assert!(obj("v 0 0 0 0.1 0.2 0.3\nv 1 0 0\n").unwrap().fields().is_empty());
     }
 

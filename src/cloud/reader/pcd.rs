@@ -4,8 +4,8 @@
 //! red, green and blue, `normal_x` becomes nx as in PLY; columns called `_` are padding.
 
 use super::columns::{Column, Columns, ragged};
+use super::decode::ByteOrder;
 use super::number::{self, Number, Source};
-use super::ply::ByteOrder;
 use super::text::{Line, Lines, count_at, number_at, shown};
 use super::{Format, Location, ReadError, ReadOptions, check_unpacked, lzf, unpacked_max};
 use crate::cloud::{PointCloud, ScalarType};

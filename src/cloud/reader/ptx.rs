@@ -157,7 +157,7 @@ fn finish(
             .push(format!("{empty} of {points} cells have no return: they are rows without a position"));
     }
     if count > 1 && options.scan.is_none() {
-        columns.append("scan", ScalarType::Uint32, scans)?;
+        columns.append("scan", ScalarType::Uint32, scans.into())?;
     }
     // What the scanner marks as no return is not a broken number.
     let policy = if empty > 0 { NonFinite::Drop } else { options.policy };

@@ -160,8 +160,11 @@ fn tables_and_meshes_are_read_back_exactly() {
 #[test]
 fn names_that_a_spreadsheet_would_run_are_written_behind_an_apostrophe() {
     let names = ["=1+1", "@sum", "+a", "-b", "plain"];
-    let field =
-        |name: &str| ScalarField { name: name.to_owned(), kind: ScalarType::Float64, values: vec![1.0] };
+    let field = |name: &str| ScalarField {
+        name: name.to_owned(),
+        kind: ScalarType::Float64,
+        values: vec![1.0].into(),
+    };
     let cloud = PointCloud::new(3, vec![1.0, 2.0, 3.0], NonFinite::Reject).unwrap();
     let cloud = cloud.with_fields(names.map(field).to_vec()).unwrap();
     let mut bytes = Vec::new();
@@ -177,7 +180,7 @@ fn a_pcd_comes_back_with_types_colors_and_normals() {
     let field = |name: &str, kind, values: [f64; 2]| ScalarField {
         name: name.to_owned(),
         kind,
-        values: values.to_vec(),
+        values: values.to_vec().into(),
     };
     for (points, kind) in [
         ([0.5, 1.0, 2.0, f64::NAN, 4.0, 5.0], ScalarType::Float32),
@@ -281,7 +284,7 @@ fn a_georeferenced_scan_goes_through_las_and_laz_with_all_its_fields() {
             let found = back.fields().iter().find(|found| found.name == name).unwrap();
             // Colors of 8 bits fill 16.
             let times = if ["red", "green", "blue"].contains(&name.as_str()) { 256.0 } else { 1.0 };
-            let pairs = found.values.iter().zip(&field.values);
+            let pairs = found.values.iter().zip(&*field.values);
             let farthest = pairs.map(|(a, b)| (a - times * b).abs()).fold(0.0, f64::max);
             assert!(farthest < 1e-12, "{format} {name}: {farthest:e}");
         }
@@ -298,7 +301,7 @@ fn an_archive_has_points_fields_in_their_types_and_faces() {
     assert_eq!(points.shape(), [5000, 3]);
     assert_eq!(points.into_vec::<f64>().unwrap(), cloud.coordinates());
     let floats = archive.by_name("field of float").unwrap().unwrap().into_vec::<f32>().unwrap();
-    assert!(floats.iter().zip(&cloud.fields()[6].values).all(|(&a, &b)| f64::from(a) == b));
+    assert!(floats.iter().zip(&*cloud.fields()[6].values).all(|(&a, &b)| f64::from(a) == b));
     assert_eq!(archive.by_name("field of uchar").unwrap().unwrap().into_vec::<u8>().unwrap().len(), 5000);
     let faces = archive.by_name("faces").unwrap().unwrap().into_vec::<u32>().unwrap();
     assert_eq!(faces, cloud.faces().as_flattened());

@@ -137,7 +137,7 @@ fn all_scans_of_a_file_are_one_cloud_with_a_field_of_them() {
     let bytes = file(&prototype, &[(None, vec![point(1.0), point(2.0)]), (None, vec![point(3.0)])]);
     let cloud = read(&bytes, &ReadOptions::default()).unwrap();
     assert_eq!(cloud.coordinates(), [1.0, 2.0, 3.0, 2.0, 2.0, 3.0, 3.0, 2.0, 3.0]);
-    let fields: Vec<_> = cloud.fields().iter().map(|f| (f.name.as_str(), f.values.as_slice())).collect();
+    let fields: Vec<_> = cloud.fields().iter().map(|f| (f.name.as_str(), &*f.values)).collect();
     assert_eq!(fields, [("intensity", &[9.0; 3][..]), ("scan", &[0.0, 0.0, 1.0])]);
 }
 

@@ -7,13 +7,13 @@ use npyz::zip::ZipArchive;
 
 use super::FORMAT;
 use super::header::Header;
-use crate::cloud::PointCloud;
 use crate::cloud::reader::columns::{Column, Columns, leading_dimension};
 use crate::cloud::reader::container::{entries, member, open};
+use crate::cloud::reader::decode::Place;
 use crate::cloud::reader::number::{self, Source};
-use crate::cloud::reader::ply::Place;
 use crate::cloud::reader::polygons::{Triangles, corner};
 use crate::cloud::reader::{ReadError, ReadOptions};
+use crate::cloud::{Numbers, PointCloud};
 
 /// Names of the array of points, the first that is there counts.
 const POINTS: [&str; 13] = [
@@ -114,7 +114,7 @@ fn add(
     let Ok(header) = Header::parse(array) else { return left_out("holds no numbers per point") };
     let block = header.block(array)?;
     let values = |index: usize| {
-        let mut values = vec![0.0; header.rows];
+        let mut values = Numbers::zeros(header.rows);
         header.source(block, index).decode(Place::packed(&mut values));
         values
     };

@@ -3,8 +3,8 @@
 use npyz::{Endianness, TypeChar, TypeStr};
 
 use super::FORMAT;
+use crate::cloud::reader::decode::ByteOrder;
 use crate::cloud::reader::number::{Number, Source};
-use crate::cloud::reader::ply::ByteOrder;
 use crate::cloud::reader::text::shown;
 use crate::cloud::reader::{Location, ReadError};
 

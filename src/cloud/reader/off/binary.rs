@@ -5,8 +5,8 @@ use super::{FORMAT, Variant, named};
 use crate::cloud::PointCloud;
 use crate::cloud::ScalarType;
 use crate::cloud::reader::columns::{Column, Columns};
+use crate::cloud::reader::decode::ByteOrder;
 use crate::cloud::reader::number::{self, Number, Source};
-use crate::cloud::reader::ply::ByteOrder;
 use crate::cloud::reader::polygons::{Triangles, corner};
 use crate::cloud::reader::{Location, ReadError, ReadOptions};
 

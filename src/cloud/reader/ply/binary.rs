@@ -2,14 +2,12 @@
 //!
 //! Vertices without lists stand at fixed distances and are decoded column by column out of checked slices.
 
-use super::super::columns::Target;
-use super::super::number::{Number, Source};
+use super::super::decode::{ByteOrder, Place};
+use super::super::number::{self, Number, Source};
 use super::super::text::shown;
-use super::decode::{ByteOrder, Place, decode_points};
 use super::faces::{FaceError, Surface};
 use super::header::{Element, Header, PropertyKind};
 use super::{FORMAT, Ply, ReadError};
-use crate::cloud::ScalarType;
 use crate::cloud::reader::Location;
 use crate::cloud::scalar::Stored;
 
@@ -47,41 +45,14 @@ fn read_fixed_vertices(
     ply: &mut Ply,
 ) -> Result<(), ReadError> {
     let rows = cursor.take(stride * element.count, element, 0)?;
-    let columns = &mut ply.columns;
-    columns.zeroed(element.count)?;
-    let (targets, dimension, order) = (columns.targets.clone(), columns.dimension, cursor.order);
-    let together = together(element, &targets, dimension);
-    columns.decode_blocks(rows, stride, |block| {
-        let rows = block.rows;
-        let is_decoded = together.is_some_and(|(offset, kind)| {
-            let points = block.coordinates.as_chunks_mut::<3>().0;
-            decode_points(rows, stride, offset, kind, order, points)
-        });
-        let mut offset = 0;
-        for ((_, kind), target) in element.scalars().zip(&targets) {
-            let source = Source { rows, stride, offset, number: Number::stored(kind, order) };
-            match *target {
-                Target::Coordinate(_) if is_decoded => {}
-                Target::Coordinate(axis) => {
-                    source.decode(Place { out: block.coordinates, stride: dimension, offset: axis });
-                }
-                Target::Field(field) => source.decode(Place::packed(block.field(field, stride))),
-                Target::Skipped => {}
-            }
-            offset += kind.size();
-        }
-    });
+    ply.columns.zeroed(element.count)?;
+    let (mut offset, mut sources) = (0, Vec::with_capacity(element.properties.len()));
+    for (_, kind) in element.scalars() {
+        sources.push(Source { rows, stride, offset, number: Number::stored(kind, cursor.order) });
+        offset += kind.size();
+    }
+    number::decode_all(&mut ply.columns, &sources);
     Ok(())
-}
-
-/// Offset and type of x, y and z where these stand behind each other, have one type, and are all coordinates.
-fn together(element: &Element, targets: &[Target], dimension: usize) -> Option<(usize, ScalarType)> {
-    let axes = [0, 1, 2].map(Target::Coordinate);
-    let first = targets.windows(3).position(|three| three == axes).filter(|_| dimension == 3)?;
-    let kinds: Vec<Stored> = element.scalars().map(|(_, kind)| kind).collect();
-    let Stored::Scalar(kind) = kinds[first] else { return None };
-    let offset = kinds[..first].iter().map(|kind| kind.size()).sum();
-    (kinds[first..first + 3] == [kinds[first]; 3]).then_some((offset, kind))
 }
 
 fn read_vertices(element: &Element, cursor: &mut Cursor<'_>, ply: &mut Ply) -> Result<(), ReadError> {

@@ -1,6 +1,6 @@
 //! The header: which elements follow, with which properties, in which encoding.
 
-use super::decode::ByteOrder;
+use super::super::decode::ByteOrder;
 use super::{FORMAT, ReadError};
 use crate::cloud::reader::Location;
 use crate::cloud::reader::text::{Line, Lines, count_at, shown};

@@ -12,11 +12,8 @@
 
 mod ascii;
 mod binary;
-mod decode;
 mod faces;
 mod header;
-
-pub(in crate::cloud::reader) use decode::{ByteOrder, Place, decode, decode_integers};
 
 use self::header::{Element, Encoding, Header, PropertyKind};
 use super::columns::{Column, Columns, Target};

@@ -78,7 +78,7 @@ impl<'a> Points<'a> {
 
     /// The values of a return number or the like, if the cloud has it.
     pub(super) fn attribute(&self, name: &str) -> Option<&'a [f64]> {
-        self.filled.iter().find(|(place, _)| place.name == name).map(|(_, field)| field.values.as_slice())
+        self.filled.iter().find(|(place, _)| place.name == name).map(|(_, field)| &*field.values)
     }
 
     /// Records of some rows.

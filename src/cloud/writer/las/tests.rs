@@ -198,7 +198,8 @@ fn a_changed_field_and_a_new_one_stand_beside_what_was_there() {
 fn colors_of_8_bits_fill_16() {
     let cloud = PointCloud::new(3, vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0], NonFinite::Reject).unwrap();
     let colored = |kind: ScalarType, largest: f64| {
-        let field = |name: &str| ScalarField { name: name.to_owned(), kind, values: vec![1.0, largest] };
+        let field =
+            |name: &str| ScalarField { name: name.to_owned(), kind, values: vec![1.0, largest].into() };
         let cloud = cloud.clone().with_fields(["red", "green", "blue"].map(field).to_vec()).unwrap();
         let back = read(&written(&cloud, Format::Las), Format::Las, &ReadOptions::default()).unwrap();
         back.fields()[0].values.clone()
@@ -238,7 +239,7 @@ fn extra_bytes_never_have_the_name_of_an_attribute() {
     let field = |name: &str, values: &[f64]| ScalarField {
         name: name.to_owned(),
         kind: ScalarType::Float32,
-        values: values.to_vec(),
+        values: values.to_vec().into(),
     };
     let cloud = PointCloud::new(3, vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0], NonFinite::Reject).unwrap();
     let fields =

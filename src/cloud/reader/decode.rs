@@ -4,7 +4,7 @@ use crate::cloud::ScalarType;
 
 /// Which byte comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::cloud::reader) enum ByteOrder {
+pub(super) enum ByteOrder {
     /// The least significant.
     Little,
     /// The most significant.
@@ -12,15 +12,15 @@ pub(in crate::cloud::reader) enum ByteOrder {
 }
 
 /// Where values go: the one at `offset` of every `stride` numbers.
-pub(in crate::cloud::reader) struct Place<'a> {
-    pub(in crate::cloud::reader) out: &'a mut [f64],
-    pub(in crate::cloud::reader) stride: usize,
-    pub(in crate::cloud::reader) offset: usize,
+pub(super) struct Place<'a> {
+    pub(super) out: &'a mut [f64],
+    pub(super) stride: usize,
+    pub(super) offset: usize,
 }
 
 impl<'a> Place<'a> {
     /// One value after another.
-    pub(in crate::cloud::reader) fn packed(out: &'a mut [f64]) -> Self {
+    pub(super) fn packed(out: &'a mut [f64]) -> Self {
         Self { out, stride: 1, offset: 0 }
     }
 }
@@ -28,7 +28,7 @@ impl<'a> Place<'a> {
 /// Decodes the value at `offset` of every row of `stride` bytes into its place.
 ///
 /// The type is looked at once per column and not once per value.
-pub(in crate::cloud::reader) fn decode(
+pub(super) fn decode(
     rows: &[u8],
     stride: usize,
     offset: usize,
@@ -58,7 +58,7 @@ pub(in crate::cloud::reader) fn decode(
 }
 
 /// [`decode`] for integers of 64 bits, which PLY does not have; exact up to 2⁵³.
-pub(in crate::cloud::reader) fn decode_integers(
+pub(super) fn decode_integers(
     rows: &[u8],
     stride: usize,
     offset: usize,
