@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 pub use error::CloudError;
 pub use grid::Grid;
-pub use numbers::Numbers;
+pub use numbers::{Numbers, take_most_mapped};
 pub use origin::Origin;
 pub use survey::{Bytes, Survey};
 

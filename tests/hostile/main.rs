@@ -12,8 +12,8 @@ mod scans;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use chladni::cloud::NonFinite;
 use chladni::cloud::reader::{Format, ReadOptions, read, read_columns, unpacked_bytes};
+use chladni::cloud::{NonFinite, Numbers, take_most_mapped};
 use peak_alloc::PeakAlloc;
 use sha2::{Digest, Sha256};
 use uuid::Uuid;
@@ -27,12 +27,15 @@ static MEMORY: PeakAlloc = PeakAlloc;
 
 const BESIDES_BYTES: usize = 64 << 20;
 
-/// Bytes that `work` takes at most, beyond what there was; `None` when it panics.
+/// Bytes that `work` takes at most, of the allocator and of the system, beyond what there was; `None` when it panics.
 fn peak_of(work: impl FnOnce()) -> Option<usize> {
     MEMORY.reset_peak_usage();
+    take_most_mapped();
+    let mapped_before = take_most_mapped();
     let before = MEMORY.current_usage();
     catch_unwind(AssertUnwindSafe(work)).ok()?;
-    Some(MEMORY.peak_usage().saturating_sub(before))
+    let mapped = take_most_mapped().saturating_sub(mapped_before);
+    Some(MEMORY.peak_usage().saturating_sub(before) + mapped)
 }
 
 fn options() -> impl Iterator<Item = ReadOptions> {
@@ -89,6 +92,7 @@ fn no_file_makes_a_reader_panic_or_take_more_memory_than_it_may() {
     );
     // A thing that is counted is seen.
     assert!(peak_of(|| drop(vec![1_u8; 10 << 20])).unwrap() >= 10 << 20);
+    assert!(peak_of(|| drop(Numbers::zeros(10 << 20))).unwrap() >= 80 << 20);
     assert!(peak_of(|| panic!("on purpose")).is_none());
 
     let mut found = Vec::new();

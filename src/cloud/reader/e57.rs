@@ -101,9 +101,12 @@ fn read_scan(
         return Err(refuse("all attributes of its points are constants"));
     }
     let mut invalid = vec![false; if places.contains(&Place::Invalid) { rows.len() } else { 0 }];
+    let coordinates = &mut columns.coordinates[3 * rows.start..3 * rows.end];
+    let mut fields: Vec<&mut [f64]> =
+        columns.fields.iter_mut().map(|field| &mut field.values[rows.clone()]).collect();
     let mut put = |stream: usize, place: usize, value: f64| match places[stream] {
-        Place::Axis(axis) => columns.coordinates[3 * (rows.start + place) + axis] = value,
-        Place::Field(field) => columns.fields[field].values[rows.start + place] = value,
+        Place::Axis(axis) => coordinates[3 * place + axis] = value,
+        Place::Field(field) => fields[field][place] = value,
         Place::Invalid => invalid[place] |= value != 0.0,
         Place::Skipped => {}
     };

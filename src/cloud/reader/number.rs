@@ -169,3 +169,52 @@ fn together<'a, 'b>(
     let are_together = sources[first..first + 3].windows(2).all(|two| two[0].is_followed_by(&two[1]));
     are_together.then(|| &sources[first])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Limits;
+    use super::super::columns::Column;
+    use super::*;
+
+    /// Rows of three parts of which threads take one each.
+    const ROWS: usize = 140_001;
+
+    fn value(row: usize, column: usize) -> f32 {
+        (10 * row + column) as f32
+    }
+
+    #[test]
+    fn rows_and_columns_of_every_dimension_come_to_their_places() {
+        for dimension in [1, 2, 3, 8] {
+            let count = dimension + 2;
+            // a byte between rows, so that nothing is aligned
+            let stride = 4 * count + 1;
+            let row = |row: usize| {
+                let numbers = (0..count).flat_map(move |column| value(row, column).to_be_bytes());
+                numbers.chain(std::iter::once(7))
+            };
+            let rows: Vec<u8> = (0..ROWS).flat_map(row).collect();
+            let column = |column: usize| (0..ROWS).flat_map(move |row| value(row, column).to_be_bytes());
+            let each: Vec<Vec<u8>> = (0..count).map(|index| column(index).collect()).collect();
+            let number = Number::Scalar(ScalarType::Float32, ByteOrder::Big);
+            let of_rows = |index| Source { rows: &rows, stride, offset: 4 * index, number };
+            let of_columns = |index: usize| Source { rows: &each[index], stride: 4, offset: 0, number };
+            let kind = ScalarType::Float32;
+            let named: Vec<Column> =
+                (0..count).map(|index| Column { kind, ..Column::unnamed(index) }).collect();
+            let arrangements: [Vec<Source<'_>>; 2] =
+                [(0..count).map(of_rows).collect(), (0..count).map(of_columns).collect()];
+            for sources in arrangements {
+                let mut columns = Columns::leading(&named, dimension, &Limits::default()).unwrap();
+                columns.zeroed(ROWS).unwrap();
+                fill(&mut columns, &sources);
+                for row in 0..ROWS {
+                    let point = &columns.coordinates[dimension * row..][..dimension];
+                    assert!(point.iter().enumerate().all(|(axis, x)| *x == f64::from(value(row, axis))));
+                    let fields = [0, 1].map(|field| columns.fields[field].values[row]);
+                    assert_eq!(fields, [0, 1].map(|field| f64::from(value(row, dimension + field))));
+                }
+            }
+        }
+    }
+}
