@@ -102,6 +102,7 @@ pub fn analyze_by(
             orientation: orientation.as_ref(),
             sampling: &sampling,
             triangles: &triangles,
+            rules,
         };
         let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
         drop((tree, nearest, stars, orientation));

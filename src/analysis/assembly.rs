@@ -3,10 +3,13 @@
 use super::memory::memory_with_entries;
 use super::{AnalysisError, Parameters};
 use crate::geometry::orientation::Orientation;
+use crate::geometry::survey::Rules;
 use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
 use crate::operator::bandwidth::Bandwidth;
+use crate::operator::coverage;
 use crate::operator::pb_mhb::Coupling;
 use crate::operator::pcd::Planes;
+use crate::operator::rims::Rims;
 use crate::operator::sheets::Sheets;
 use crate::operator::unfolding::Atlas;
 use crate::operator::{
@@ -27,6 +30,11 @@ const COUNTED: usize = 256;
 /// surfaces have about 20, random ones about 100, adaptively sampled scans up to 250, which are better off with one time.
 const COUPLED_ALIKE: usize = 300;
 
+/// How many times as wide as elsewhere kernels may be around large cells: the widest with which a point is coupled with at most
+/// so many times as many others, in the mean.
+const WIDTHS: [f64; 4] = [6.0, 3.0, 2.0, 1.0];
+const WIDENED_MAX: usize = 2;
+
 /// No time that follows the spacing is so long that t·λ of the last eigenvalue that is asked for is more, unless one time for all
 /// would be: beyond, modes of the sparsest part crowd where μ is 1/t. On a sphere of 8,000 random points, 100 : 1, the
 /// worst of 100 eigenvalues is 390 % off with 2.3, 15 % with 0.8, 13 % with one time, of which it is 0.73. So times follow the
@@ -45,6 +53,7 @@ pub(super) struct Surface<'a> {
     pub(super) orientation: Option<&'a Orientation>,
     pub(super) sampling: &'a Sampling,
     pub(super) triangles: &'a Triangles,
+    pub(super) rules: Rules,
 }
 
 /// An operator, and for one with long rows a companion with short rows and a similar spectrum at its lower end, in the
@@ -183,31 +192,61 @@ fn pb_mhb(
     let dimension = parameters.dimension;
     let weyl = Weyl { first: Weyl::first_of(sampling.area, dimension), dimension, t: None };
     let last = weyl.eigenvalue(parameters.bases as f64);
+    let is_free = !parameters.paper && parameters.delta.or(parameters.delta_factor).is_none();
     let is_local = parameters.local_bandwidth.unwrap_or_else(|| {
-        let is_free = !parameters.paper && parameters.delta.or(parameters.delta_factor).is_none();
         let has_room = last * kernel.t < 0.5 * SMOOTHED_MAX;
         is_free && has_room && coupled(points, tree, |_| kernel.delta) > COUPLED_ALIKE
     });
     if is_local && additions.moment_calibration {
         let stretch = (SMOOTHED_MAX / (last * kernel.t)).max(1.0).sqrt();
-        bandwidth = Bandwidth::of_cells(points, cells, walls, dimension, stretch * sampling.epsilon);
+        let longest = stretch * sampling.epsilon;
+        bandwidth = Bandwidth::of_cells(points, cells, walls, dimension, longest, progress)?;
         kernel = parameters.heat_kernel(parameters.epsilon.unwrap_or(bandwidth.epsilon()));
+    }
+    // where t was chosen, so was that it is the same everywhere
+    let widens = surface.rules.widen_kernels && is_free && parameters.local_bandwidth.is_none();
+    if let Some(stars) = stars.filter(|_| widens && !is_local && additions.moment_calibration) {
+        let longest = (SMOOTHED_MAX / (last * kernel.t)).max(1.0).sqrt();
+        let t_factor = kernel.t / (sampling.epsilon * sampling.epsilon);
+        let by_stretch = surface.rules.resolve_stretch;
+        let lengths =
+            coverage::lengths(points, &frames, stars, cells, walls, t_factor, by_stretch, progress)?;
+        let most = WIDENED_MAX * coupled(points, tree, |_| kernel.delta);
+        for most_wide in WIDTHS {
+            let longest = longest.min(most_wide);
+            bandwidth =
+                Bandwidth::wide_enough(points, cells, walls, &lengths, sampling.epsilon, longest, progress)?;
+            kernel = parameters.heat_kernel(bandwidth.epsilon());
+            let local = bandwidth.of_kernel(kernel);
+            // of one that does not vary this is so
+            if coupled(points, tree, |i| local.reach(i)) <= most {
+                break;
+            }
+        }
     }
     let local = bandwidth.of_kernel(kernel);
     check_coupling(points, tree, kernel.delta, |i| local.reach(i), parameters, progress)?;
-    let stars = stars.filter(|_| additions.surface_distances);
-    let sheets = (additions.sheet_aware || stars.is_some())
+    let unfolded = stars.filter(|_| additions.surface_distances);
+    let sheets = (additions.sheet_aware || unfolded.is_some())
         .then(|| oriented(surface, frames, walls, warnings, progress))
         .transpose()?;
     progress.checkpoint()?;
-    let atlas = sheets.as_ref().zip(stars).map(|(sheets, stars)| Atlas::new(points, stars, sheets));
+    let atlas = sheets.as_ref().zip(unfolded).map(|(sheets, stars)| Atlas::new(points, stars, sheets));
     progress.checkpoint()?;
     let coupling = match (&atlas, &sheets) {
         (Some(atlas), _) => Coupling::Surface(atlas),
         (None, Some(sheets)) => Coupling::Sheet(sheets),
         (None, None) => Coupling::Ball,
     };
-    Ok(pb_mhb::build(points, tree, cells, &coupling, local, additions.moment_calibration, progress)?)
+    let rims = || match stars.filter(|_| surface.rules.calibrate_rims && !parameters.paper) {
+        Some(stars) => Rims::of(points, stars),
+        None => Rims::default(),
+    };
+    let calibrated = additions.moment_calibration.then(rims);
+    progress.checkpoint()?;
+    let built = pb_mhb::build(points, tree, cells, &coupling, local, calibrated.as_ref(), progress)?;
+    let is_widened = !is_local && local.varies();
+    Ok(LaplaceBeltrami { is_widened, ..built })
 }
 
 /// `D A D` with the diagonal `scale`.

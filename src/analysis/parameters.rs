@@ -177,6 +177,7 @@ impl Parameters {
             surface_distances: on(self.surface_distances, unfolds),
             moment_calibration: on(self.moment_calibration, self.operator == PbMhb),
             local_bandwidth: false,
+            wide_kernels: false,
             heat_correction: on(self.heat_correction, self.operator.is_heat_kernel()),
         }
     }
@@ -278,6 +279,9 @@ pub struct Additions {
     /// t and δ follow the local spacing: known when the operator has been assembled.
     #[serde(default)]
     pub local_bandwidth: bool,
+    /// t and δ are longer around cells that are larger than the covering radius: known then, too.
+    #[serde(default)]
+    pub wide_kernels: bool,
     /// Report λ = −ln(1−tμ)/t beside the raw μ.
     pub heat_correction: bool,
 }

@@ -92,7 +92,11 @@ impl Report {
             components,
             sampling,
             heat_kernel: laplacian.heat_kernel,
-            additions: Additions { local_bandwidth: laplacian.times.is_some(), ..parameters.additions() },
+            additions: Additions {
+                local_bandwidth: laplacian.times.is_some() && !laplacian.is_widened,
+                wide_kernels: laplacian.is_widened,
+                ..parameters.additions()
+            },
             nonzeros,
             neighbors: nonzeros as f64 / used as f64 - 1.0,
             warnings,
@@ -177,9 +181,11 @@ impl Parameters {
     /// The parameters as used: these, and those that the analysis derived from the cloud.
     #[must_use]
     pub fn as_used(&self, report: &Report) -> Self {
-        let (kernel, additions) = (report.heat_kernel, &report.additions);
+        let additions = &report.additions;
+        // kernels that are wider in places are so where none is given
+        let kernel = report.heat_kernel.filter(|_| !additions.wide_kernels);
         Self {
-            epsilon: Some(report.sampling.epsilon),
+            epsilon: Some(report.sampling.epsilon).filter(|_| !additions.wide_kernels),
             t: kernel.map(|kernel| kernel.t),
             delta: kernel.map(|kernel| kernel.delta).or(self.delta),
             isometric_cells: Some(additions.isometric_cells),
@@ -187,7 +193,7 @@ impl Parameters {
             sheet_aware: Some(additions.sheet_aware),
             surface_distances: Some(additions.surface_distances),
             moment_calibration: Some(additions.moment_calibration),
-            local_bandwidth: Some(additions.local_bandwidth),
+            local_bandwidth: Some(additions.local_bandwidth).filter(|_| !additions.wide_kernels),
             heat_correction: Some(additions.heat_correction),
             ..self.clone()
         }

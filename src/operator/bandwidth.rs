@@ -23,6 +23,9 @@ const SLOPE_MAX: f64 = 0.2;
 /// Rounds in which that is spread from neighbor to neighbor.
 const SPREAD_MAX: usize = 200;
 
+/// Cells that are larger than the covering radius by at most this share ask for nothing, where none are larger.
+const WIDER: f64 = 0.25;
+
 /// Quantile of the cells' radii that is the covering radius, as for the whole cloud.
 const COVERED: f64 = 0.99;
 
@@ -45,10 +48,11 @@ impl Bandwidth {
         walls: &Sparse,
         intrinsic: usize,
         epsilon_max: f64,
-    ) -> Self {
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
         let to_length = 1.0 / intrinsic as f64;
         let lengths = smoothed(cells, walls).into_iter().map(|log| (log * to_length).exp()).collect();
-        let mut lengths = graded(lengths, points, walls);
+        let mut lengths = graded(lengths, points, walls, progress)?;
         let ratios = |kind: fn(CellKind) -> bool| -> Vec<f64> {
             (0..lengths.len())
                 .filter(|&i| kind(cells.kind[i]))
@@ -72,7 +76,30 @@ impl Bandwidth {
         let total: f64 = cells.volume.iter().sum();
         let mean = lengths.iter().zip(&cells.volume).map(|(h, volume)| h * h * volume).sum::<f64>() / total;
         let relative = lengths.iter().map(|h| h * h / mean).collect();
-        Self { relative, epsilon: covering * mean.sqrt() }
+        Ok(Self { relative, epsilon: covering * mean.sqrt() })
+    }
+
+    /// The same time everywhere, but longer where `lengths` (of [`coverage`](super::coverage)) are more than the covering radius, up
+    /// to `longest` times it.
+    #[must_use]
+    pub fn wide_enough(
+        points: &Points,
+        cells: &Cells,
+        walls: &Sparse,
+        lengths: &[f64],
+        epsilon: f64,
+        longest: f64,
+        progress: &Progress,
+    ) -> Result<Self, Canceled> {
+        let asks = |length: &f64| *length > (1.0 + WIDER) * epsilon;
+        if longest <= 1.0 + WIDER || !lengths.iter().any(asks) {
+            return Ok(Self::even(points.len(), epsilon));
+        }
+        let lengths = lengths.iter().map(|length| length.clamp(epsilon, longest * epsilon)).collect();
+        let lengths = graded(lengths, points, walls, progress)?;
+        let total: f64 = cells.volume.iter().sum();
+        let mean = lengths.iter().zip(&cells.volume).map(|(h, volume)| h * h * volume).sum::<f64>() / total;
+        Ok(Self { relative: lengths.iter().map(|h| h * h / mean).collect(), epsilon: mean.sqrt() })
     }
 
     /// The same time everywhere.
@@ -81,7 +108,9 @@ impl Bandwidth {
         Self { relative: vec![1.0; points], epsilon }
     }
 
-    fn varies(&self) -> bool {
+    /// Whether times differ.
+    #[must_use]
+    pub fn varies(&self) -> bool {
         self.relative.iter().any(|relative| relative.to_bits() != 1.0_f64.to_bits())
     }
 
@@ -163,8 +192,14 @@ fn smoothed(cells: &Cells, walls: &Sparse) -> Vec<f64> {
 }
 
 /// The least lengths that are as large as `lengths` and grow by at most [`SLOPE_MAX`] of the way between neighbors.
-fn graded(mut lengths: Vec<f64>, points: &Points, walls: &Sparse) -> Vec<f64> {
+fn graded(
+    mut lengths: Vec<f64>,
+    points: &Points,
+    walls: &Sparse,
+    progress: &Progress,
+) -> Result<Vec<f64>, Canceled> {
     for _ in 0..SPREAD_MAX {
+        progress.checkpoint()?;
         let least = |i: usize| {
             let of = |j: u32| {
                 let squared = points.squared_distance(i, j as usize);
@@ -179,7 +214,7 @@ fn graded(mut lengths: Vec<f64>, points: &Points, walls: &Sparse) -> Vec<f64> {
             break;
         }
     }
-    lengths
+    Ok(lengths)
 }
 
 /// Times are told apart in so many steps of their logarithm: over a hundredfold density a step is 4 % of t.
@@ -279,7 +314,7 @@ mod tests {
         let (points, _, stars) = stars_of(rows);
         let cells = stars.cells(&points, &Progress::new()).unwrap();
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
-        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, f64::MAX);
+        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, f64::MAX, &Progress::new()).unwrap();
         let kernel = HeatKernel { t: 1.0, delta: 1.0, truncation_compensation: false, dimension: 2 };
         let times = bandwidth.of_kernel(kernel).times();
         let by_row = (0..rows.len()).map(|row| times[points.of_row(row).unwrap()]).collect();
@@ -335,12 +370,37 @@ mod tests {
         let cells = stars.cells(&points, &Progress::new()).unwrap();
         let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
         let longest = |epsilon_max: f64| {
-            let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, epsilon_max);
+            let bandwidth =
+                Bandwidth::of_cells(&points, &cells, &walls, 2, epsilon_max, &Progress::new()).unwrap();
             bandwidth.epsilon() * bandwidth.relative.iter().copied().fold(0.0, f64::max).sqrt()
         };
         let free = longest(f64::MAX);
         assert!((longest(0.7 * free) / (0.7 * free) - 1.0).abs() < 1e-9);
         assert!((longest(2.0 * free) / free - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn times_are_longer_around_the_cells_that_ask_for_it_alone() {
+        let rows: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 0.0]).collect();
+        let (points, _, stars) = stars_of(&rows);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
+        let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
+        let lengths = |length: f64| {
+            let mut lengths = vec![0.7; rows.len()];
+            lengths[points.of_row(210).unwrap()] = length;
+            let found = Bandwidth::wide_enough(&points, &cells, &walls, &lengths, 0.7, 3.0, &Progress::new())
+                .unwrap();
+            let places: Vec<usize> = (0..rows.len()).map(|row| points.of_row(row).unwrap()).collect();
+            move |row: usize| found.epsilon * found.relative[places[row]].sqrt()
+        };
+        let even = lengths(0.8);
+        assert!([210, 211, 399].into_iter().all(|row| even(row) == 0.7));
+        let wide = lengths(1.4);
+        for (row, expected) in [(210, 1.4), (211, 1.2), (213, 0.8), (399, 0.7)] {
+            assert!((wide(row) - expected).abs() < 1e-9, "{row}: {}", wide(row));
+        }
+        let too_wide = lengths(7.0);
+        assert!((too_wide(210) - 2.1).abs() < 1e-9);
     }
 
     #[test]
@@ -357,7 +417,7 @@ mod tests {
         .unwrap();
         cells.kind[50] = CellKind::Invalid;
         cells.volume[50] = 0.0;
-        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, f64::MAX);
+        let bandwidth = Bandwidth::of_cells(&points, &cells, &walls, 2, f64::MAX, &Progress::new()).unwrap();
         assert!(bandwidth.relative.iter().all(|t| t.is_finite() && *t > 0.0), "{bandwidth:?}");
     }
 

@@ -1,6 +1,7 @@
 //! Returned pairs checked from outside, and clouds with several parts.
 
-use chladni::analysis::{AnalysisError, JobKind, Parameters, analyze};
+use chladni::analysis::{AnalysisError, JobKind, Parameters, analyze, analyze_by};
+use chladni::geometry::survey::Rules;
 use chladni::operator::OperatorKind::{self, PbMhb, Voronoi};
 use chladni::progress::{Canceled, Progress};
 use chladni::spectrum::Method;
@@ -32,7 +33,9 @@ fn pairs_of_a_wide_kernel_are_as_good() {
 
 fn check_pairs(n: usize, parameters: &Parameters, method: Method) {
     let points = cloud(3, fibonacci_sphere(n));
-    let analysis = eigen(&points, parameters);
+    // a t that is given is that of all points
+    let rules = Rules { widen_kernels: false, ..Rules::default() };
+    let analysis = analyze_by(rules, &points, JobKind::Eigen, parameters, &Progress::new()).unwrap();
     // An operator that is to be applied takes another time unless it is told one.
     let same = match analysis.report.heat_kernel {
         Some(kernel) => Parameters {
