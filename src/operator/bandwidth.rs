@@ -41,7 +41,9 @@ pub struct Bandwidth {
 impl Bandwidth {
     /// Follows the volumes of the cells, averaged along `walls`. Cells on a rim are cut off there and tell nothing. No time is
     /// longer than that of the covering radius `epsilon_max`.
-    #[must_use]
+    ///
+    /// # Errors
+    /// [`Canceled`].
     pub fn of_cells(
         points: &Points,
         cells: &Cells,
@@ -79,9 +81,10 @@ impl Bandwidth {
         Ok(Self { relative, epsilon: covering * mean.sqrt() })
     }
 
-    /// The same time everywhere, but longer where `lengths` (of [`coverage`](super::coverage)) are more than the covering radius, up
-    /// to `longest` times it.
-    #[must_use]
+    /// The same time everywhere, but where `lengths` are above the covering radius longer, up to `longest` times it.
+    ///
+    /// # Errors
+    /// [`Canceled`].
     pub fn wide_enough(
         points: &Points,
         cells: &Cells,
@@ -390,17 +393,14 @@ mod tests {
             lengths[points.of_row(210).unwrap()] = length;
             let found = Bandwidth::wide_enough(&points, &cells, &walls, &lengths, 0.7, 3.0, &Progress::new())
                 .unwrap();
-            let places: Vec<usize> = (0..rows.len()).map(|row| points.of_row(row).unwrap()).collect();
-            move |row: usize| found.epsilon * found.relative[places[row]].sqrt()
+            let place = |row| points.of_row(row).unwrap();
+            [210, 211, 213, 399].map(|row| found.epsilon * found.relative[place(row)].sqrt())
         };
-        let even = lengths(0.8);
-        assert!([210, 211, 399].into_iter().all(|row| even(row) == 0.7));
-        let wide = lengths(1.4);
-        for (row, expected) in [(210, 1.4), (211, 1.2), (213, 0.8), (399, 0.7)] {
-            assert!((wide(row) - expected).abs() < 1e-9, "{row}: {}", wide(row));
+        for (length, expected) in [(0.8, [0.7; 4]), (1.4, [1.4, 1.2, 0.8, 0.7]), (7.0, [2.1, 1.9, 1.5, 0.7])]
+        {
+            let found = lengths(length);
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{length}: {found:?}");
         }
-        let too_wide = lengths(7.0);
-        assert!((too_wide(210) - 2.1).abs() < 1e-9);
     }
 
     #[test]

@@ -44,7 +44,9 @@ impl Rims {
         edges.par_sort_unstable();
         edges.dedup();
         let mut offsets = vec![0; stars.len() + 1];
-        edges.iter().for_each(|[p, _]| offsets[*p as usize + 1] += 1);
+        for &[p, _] in &edges {
+            offsets[p as usize + 1] += 1;
+        }
         for i in 0..stars.len() {
             offsets[i + 1] += offsets[i];
         }
@@ -183,7 +185,7 @@ mod tests {
     #[test]
     fn across_a_hole_that_is_small_for_the_kernel_nothing_is_missed() {
         let moment = moments(20, 0.5, |x, y| [x, y] == [10, 10]);
-        assert!(moment(12, 10) == 1.0 || (moment(12, 10) - 1.0).abs() < 0.01, "{}", moment(12, 10));
+        assert!((moment(12, 10) - 1.0).abs() < 0.01, "{}", moment(12, 10));
     }
 
     #[test]

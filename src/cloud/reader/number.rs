@@ -210,9 +210,9 @@ mod tests {
                 fill(&mut columns, &sources);
                 for row in 0..ROWS {
                     let point = &columns.coordinates[dimension * row..][..dimension];
-                    assert!(point.iter().enumerate().all(|(axis, x)| *x == f64::from(value(row, axis))));
                     let fields = [0, 1].map(|field| columns.fields[field].values[row]);
-                    assert_eq!(fields, [0, 1].map(|field| f64::from(value(row, dimension + field))));
+                    let found = point.iter().chain(&fields).map(|x| x.to_bits());
+                    assert!(found.eq((0..count).map(|column| f64::from(value(row, column)).to_bits())));
                 }
             }
         }
