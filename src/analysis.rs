@@ -12,6 +12,7 @@ mod memory;
 mod neighborhoods;
 mod parameters;
 mod report;
+mod resolution;
 mod result;
 mod unit;
 
@@ -30,6 +31,7 @@ use admission::{Bases, check_cells, triangles};
 use assembly::{Assembled, Surface, assemble, narrow};
 use expected::Doubts;
 use measured::{Figures, Measured};
+use resolution::Resolution;
 use result::NO_PLACE;
 
 use crate::cloud::PointCloud;
@@ -37,7 +39,7 @@ use crate::geometry::points::POINTS_MIN;
 use crate::geometry::survey::Rules;
 use crate::geometry::{Components, Points, components};
 use crate::operator::bandwidth;
-use crate::operator::{LaplaceBeltrami, Sparse, Structure};
+use crate::operator::{LaplaceBeltrami, OperatorKind, Sparse, Structure};
 use crate::progress::{Phase, Progress};
 use crate::spectrum::{Eigenbasis, Method, Problem, Request, Solution, Spectrum, Weyl, certificates, solve};
 
@@ -88,6 +90,11 @@ pub fn analyze_by(
 
     progress.enter(Phase::Assembly)?;
     warnings.splice(0..0, cloud.notes().iter().cloned());
+    let is_corrected = rules.correct_resolution && parameters.operator == OperatorKind::Voronoi;
+    let resolution = match stars.as_ref().filter(|_| is_corrected && kind == JobKind::Eigen) {
+        Some(stars) => Some(Resolution::of(&points, stars, progress)?),
+        None => None,
+    };
     let assembled = if parameters.operator.is_narrow() {
         // of large clouds there is no room for these beside the matrix, which needs none of them
         drop((tree, nearest, frames, stars, orientation));
@@ -118,6 +125,7 @@ pub fn analyze_by(
         }
         _ => None,
     };
+    let resolution = resolution.map(|resolution| resolution.placed(known));
     sampling.keep(&cells, parameters.dimension, |i| place[i] != NO_PLACE);
     drop(cells);
     check_cells(parameters, &sampling, operator.laplacian.mass.len())?;
@@ -134,8 +142,15 @@ pub fn analyze_by(
             progress.checkpoint()?;
             let active: Vec<u32> =
                 (0..points.len() as u32).filter(|&i| place[i as usize] != NO_PLACE).collect();
-            let eigenbasis =
-                eigenpairs(&points, &active, operator, doubts, parameters, &mut report, progress)?;
+            let eigenbasis = eigenpairs(
+                &points,
+                &active,
+                operator,
+                (doubts, resolution),
+                parameters,
+                &mut report,
+                progress,
+            )?;
             (None, Some(eigenbasis))
         }
     };
@@ -147,7 +162,7 @@ fn eigenpairs(
     points: &Points,
     active: &[u32],
     operator: Connected,
-    doubts: Option<Doubts>,
+    (doubts, resolution): (Option<Doubts>, Option<Resolution>),
     parameters: &Parameters,
     report: &mut Report,
     progress: &Progress,
@@ -193,8 +208,9 @@ fn eigenpairs(
         *b = part;
         lambda
     };
-    let lambdas: Vec<f64> = match (times, corrected) {
-        (Some(times), Some(_)) => {
+    let lambdas: Vec<f64> = match (resolution, times, corrected) {
+        (Some(resolution), ..) => resolution.corrected(&raw, &problem.root_mass, row, progress)?,
+        (None, Some(times), Some(_)) => {
             let mut lambdas = bandwidth::corrected(&times, &raw, row, progress)?;
             // where times differ the order of μ need not be that of λ
             lambdas.sort_unstable_by(f64::total_cmp);

@@ -41,6 +41,8 @@ pub struct Rules {
     pub resolve_stretch: bool,
     /// Cells of `voronoi` on rims that zigzag are extended to where the surface ends.
     pub extend_rims: bool,
+    /// Eigenvalues of `voronoi` get back what cells as large as they are lose of their modes.
+    pub correct_resolution: bool,
 }
 
 impl Default for Rules {
@@ -58,6 +60,7 @@ impl Default for Rules {
             smooth_noise: true,
             resolve_stretch: true,
             extend_rims: true,
+            correct_resolution: true,
         }
     }
 }

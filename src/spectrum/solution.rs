@@ -17,8 +17,8 @@ use crate::progress::Progress;
 #[cfg_attr(feature = "server", derive(utoipa::ToSchema))]
 #[non_exhaustive]
 pub struct Spectrum {
-    /// λ in 1/length² (of graph operators without unit), ascending, heat-corrected where the operator is a heat kernel. A value that carries no
-    /// information (tμ ≥ 1) is absent (null).
+    /// λ in 1/length² (of graph operators without unit), ascending, heat-corrected where the operator is a heat kernel, and with what
+    /// the cells lose of the modes where it is `voronoi` on a surface. A value that carries no information (tμ ≥ 1) is absent (null).
     pub eigenvalues: Vec<Option<f64>>,
     /// Relative error to expect of every eigenvalue, from the size of the cells, the walls that points see differently, and
     /// the rims where its mode lives: an estimate, no bound. Present for `voronoi` and `pb-mhb` on surfaces.

@@ -1,7 +1,8 @@
 //! Surfaces whose spectra are known.
 
-use chladni::analysis::{JobKind, Parameters, analyze};
+use chladni::analysis::{JobKind, Parameters, analyze, analyze_by};
 use chladni::cloud::shapes::{SampleRequest, Sampling, Shape, sample};
+use chladni::geometry::survey::Rules;
 use chladni::operator::OperatorKind::{PbMhb, Voronoi};
 use chladni::progress::Progress;
 use rstest::rstest;
@@ -43,10 +44,48 @@ fn the_unit_sphere_has_the_eigenvalues_l_l_plus_1(
 #[case(Parameters { t_factor: Some(1.0), delta_factor: Some(6.0), ..parameters(PbMhb, 18) })]
 #[case(parameters(Voronoi, 18))]
 fn the_error_on_the_sphere_falls_at_first_order_in_the_number_of_points(#[case] parameters: Parameters) {
-    let error =
-        |n| worst_error(&eigenvalues(&eigen(&cloud(3, fibonacci_sphere(n)), &parameters)), &sphere(15));
+    let error = |n| {
+        let spectrum = eigen(&cloud(3, fibonacci_sphere(n)), &parameters).report.spectrum.unwrap();
+        // λ of `voronoi` has what μ lacks added
+        let lambdas = || spectrum.eigenvalues.iter().map(|lambda| lambda.unwrap()).collect();
+        let found = if parameters.operator == Voronoi { spectrum.raw_eigenvalues.clone() } else { lambdas() };
+        worst_error(&found, &sphere(15))
+    };
     let (coarse, fine) = (error(1_000), error(4_000));
     assert!((0.2..0.3).contains(&(fine / coarse)), "{coarse} {fine}");
+}
+
+/// The prototype of the rule (SciPy on convex hulls) leaves 0.3 % of 2.6 on 1,000 even points and 1.3 % of 4.1 on 2,000 random ones.
+#[rstest]
+#[case(fibonacci_sphere(1_000), 0.005, 0.25)]
+#[case(random_sphere(2_000), 0.025, 0.5)]
+fn eigenvalues_get_back_what_large_cells_lose(
+    #[case] points: Vec<f64>,
+    #[case] bound: f64,
+    #[case] share: f64,
+) {
+    let points = cloud(3, points);
+    let [without, with] = [false, true].map(|correct_resolution| {
+        let rules = Rules { correct_resolution, ..Rules::default() };
+        let parameters = parameters(Voronoi, 30);
+        let found = analyze_by(rules, &points, JobKind::Eigen, &parameters, &Progress::new()).unwrap();
+        let spectrum = found.report.spectrum.as_ref().unwrap();
+        let is_raw = eigenvalues(&found) == spectrum.raw_eigenvalues;
+        assert!(is_raw != correct_resolution);
+        worst_error(&eigenvalues(&found), &sphere(25))
+    });
+    assert!(with < bound && with < share * without, "{without} {with}");
+}
+
+/// Independent points of the unit sphere.
+fn random_sphere(n: u64) -> Vec<f64> {
+    (0..n)
+        .flat_map(|i| {
+            let (z, angle) = (2.0 * hashed(2 * i) - 1.0, std::f64::consts::TAU * hashed(2 * i + 1));
+            let radius = (1.0 - z * z).sqrt();
+            [radius * angle.cos(), radius * angle.sin(), z]
+        })
+        .collect()
 }
 
 #[rstest]
