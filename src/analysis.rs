@@ -90,11 +90,16 @@ pub fn analyze_by(
 
     progress.enter(Phase::Assembly)?;
     warnings.splice(0..0, cloud.notes().iter().cloned());
-    let is_corrected = rules.correct_resolution && parameters.operator == OperatorKind::Voronoi;
-    let resolution = match stars.as_ref().filter(|_| is_corrected && kind == JobKind::Eigen) {
-        Some(stars) => Some(Resolution::of(&points, stars, progress)?),
-        None => None,
-    };
+    // bases of a thinned cloud are farther off than what so many points lose of them
+    let is_corrected = rules.correct_resolution
+        && kind == JobKind::Eigen
+        && parameters.operator == OperatorKind::Voronoi
+        && !parameters.is_thinned(points.len());
+    let resolution = stars
+        .as_ref()
+        .filter(|_| is_corrected)
+        .map(|stars| Resolution::of(&points, stars, progress))
+        .transpose()?;
     let assembled = if parameters.operator.is_narrow() {
         // of large clouds there is no room for these beside the matrix, which needs none of them
         drop((tree, nearest, frames, stars, orientation));
@@ -109,6 +114,7 @@ pub fn analyze_by(
             orientation: orientation.as_ref(),
             sampling: &sampling,
             triangles: &triangles,
+            rules,
         };
         let assembled = assemble(&surface, frames, parameters, &mut warnings, progress)?;
         drop((tree, nearest, stars, orientation));
@@ -209,7 +215,10 @@ fn eigenpairs(
         lambda
     };
     let lambdas: Vec<f64> = match (resolution, times, corrected) {
-        (Some(resolution), ..) => resolution.corrected(&raw, &problem.root_mass, row, progress)?,
+        (Some(resolution), ..) => {
+            let mixed = certificates::clusters_within(&raw, problem.shift, parameters.tolerance);
+            resolution.corrected(&raw, &mixed, &problem.root_mass, row, progress)?
+        }
         (None, Some(times), Some(_)) => {
             let mut lambdas = bandwidth::corrected(&times, &raw, row, progress)?;
             // where times differ the order of μ need not be that of λ

@@ -3,10 +3,13 @@
 use super::memory::memory_with_entries;
 use super::{AnalysisError, Parameters};
 use crate::geometry::orientation::Orientation;
+use crate::geometry::survey::Rules;
 use crate::geometry::{Cells, Frames, NearestNeighbors, Points, Sampling, SearchTree, Stars, Triangles};
 use crate::operator::bandwidth::Bandwidth;
+use crate::operator::coverage;
 use crate::operator::pb_mhb::Coupling;
 use crate::operator::pcd::Planes;
+use crate::operator::rims::Rims;
 use crate::operator::sheets::Sheets;
 use crate::operator::unfolding::Atlas;
 use crate::operator::{
@@ -45,6 +48,7 @@ pub(super) struct Surface<'a> {
     pub(super) orientation: Option<&'a Orientation>,
     pub(super) sampling: &'a Sampling,
     pub(super) triangles: &'a Triangles,
+    pub(super) rules: Rules,
 }
 
 /// An operator, and for one with long rows a companion with short rows and a similar spectrum at its lower end, in the
@@ -193,6 +197,15 @@ fn pb_mhb(
         bandwidth = Bandwidth::of_cells(points, cells, walls, dimension, stretch * sampling.epsilon);
         kernel = parameters.heat_kernel(parameters.epsilon.unwrap_or(bandwidth.epsilon()));
     }
+    let widens = surface.rules.widen_kernels && parameters.local_bandwidth.is_none() && !parameters.paper;
+    if let Some(stars) = stars.filter(|_| widens && !is_local && additions.moment_calibration) {
+        let longest = (SMOOTHED_MAX / (last * kernel.t)).max(1.0).sqrt();
+        let t_factor = kernel.t / (sampling.epsilon * sampling.epsilon);
+        let by_stretch = surface.rules.resolve_stretch;
+        let lengths = coverage::lengths(points, &frames, stars, cells, walls, t_factor, by_stretch);
+        bandwidth = Bandwidth::wide_enough(points, cells, walls, &lengths, sampling.epsilon, longest);
+        kernel = parameters.heat_kernel(bandwidth.epsilon());
+    }
     let local = bandwidth.of_kernel(kernel);
     check_coupling(points, tree, kernel.delta, |i| local.reach(i), parameters, progress)?;
     let stars = stars.filter(|_| additions.surface_distances);
@@ -207,7 +220,14 @@ fn pb_mhb(
         (None, Some(sheets)) => Coupling::Sheet(sheets),
         (None, None) => Coupling::Ball,
     };
-    Ok(pb_mhb::build(points, tree, cells, &coupling, local, additions.moment_calibration, progress)?)
+    let rims = || match stars.filter(|_| surface.rules.calibrate_rims) {
+        Some(stars) => Rims::of(points, stars),
+        None => Rims::default(),
+    };
+    let calibrated = additions.moment_calibration.then(rims);
+    progress.checkpoint()?;
+    let built = pb_mhb::build(points, tree, cells, &coupling, local, calibrated.as_ref(), progress)?;
+    Ok(LaplaceBeltrami { follows_density: is_local && local.varies(), ..built })
 }
 
 /// `D A D` with the diagonal `scale`.

@@ -75,8 +75,9 @@ impl Measured {
         let fidelity = traits.map(|traits| Fidelity::of(traits, disagreement, noise, merged, parameters));
         warnings.extend(fidelity.iter().flat_map(|fidelity| fidelity.warnings(parameters)));
         progress.checkpoint()?;
-        // kernels reach beyond rims: to them random rims gain less than the ragged holes of scans lose
-        let extends = parameters.operator == OperatorKind::Voronoi && rules.extend_rims;
+        let extends = matches!(parameters.operator, OperatorKind::Voronoi | OperatorKind::PbMhb)
+            && rules.extend_rims
+            && !parameters.paper;
         if let Some(stars) = stars.as_ref().filter(|_| extends) {
             cells.extend_rims(&points, stars);
         }

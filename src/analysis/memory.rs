@@ -146,6 +146,11 @@ impl Parameters {
         thins_out.then(|| THINNED.iter().map(|by| points / by).find(thinned).unwrap_or(most))
     }
 
+    /// Whether fewer points are solved than there are.
+    pub(super) fn is_thinned(&self, points: usize) -> bool {
+        self.solved_points.is_some_and(|most| most < points)
+    }
+
     /// Whether the operator is one of surfaces in space, which can be thinned out.
     fn thins_out(&self, dimension: usize) -> bool {
         use OperatorKind::{Cotangent, Mesh, PbMhb, Voronoi};

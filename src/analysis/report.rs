@@ -92,7 +92,7 @@ impl Report {
             components,
             sampling,
             heat_kernel: laplacian.heat_kernel,
-            additions: Additions { local_bandwidth: laplacian.times.is_some(), ..parameters.additions() },
+            additions: Additions { local_bandwidth: laplacian.follows_density, ..parameters.additions() },
             nonzeros,
             neighbors: nonzeros as f64 / used as f64 - 1.0,
             warnings,

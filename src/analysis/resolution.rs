@@ -64,6 +64,7 @@ impl Resolution {
     pub(super) fn corrected(
         &self,
         mu: &[f64],
+        clusters: &[[usize; 2]],
         root_mass: &[f64],
         row: impl Fn(usize, &mut [f64]) + Sync,
         progress: &Progress,
@@ -90,9 +91,15 @@ impl Resolution {
         };
         let parts: Vec<Vec<f64>> = self.links.par_chunks(PART).map(of_part).collect();
         progress.checkpoint()?;
-        let mut lambdas: Vec<f64> = (0..modes)
-            .map(|mode| mu[mode] * (1.0 + parts.iter().map(|sums| sums[mode]).sum::<f64>()))
-            .collect();
+        let mut lacking: Vec<f64> =
+            (0..modes).map(|mode| parts.iter().map(|sums| sums[mode]).sum::<f64>()).collect();
+        for cluster in clusters {
+            let of_cluster = &mut lacking[cluster[0]..=cluster[1]];
+            let mean = of_cluster.iter().sum::<f64>() / of_cluster.len() as f64;
+            of_cluster.fill(mean);
+        }
+        let mut lambdas: Vec<f64> =
+            mu.iter().zip(lacking).map(|(mu, lacking)| mu * (1.0 + lacking)).collect();
         // where triangles differ in size the order of μ need not be that of λ
         lambdas.sort_unstable_by(f64::total_cmp);
         Ok(lambdas)

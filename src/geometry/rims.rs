@@ -14,7 +14,7 @@ use super::points::Points;
 use super::stars::Stars;
 
 /// Width of the strip over the root of a point's area, along a line that zigzags and is longer than the rim.
-const WIDTH: f64 = 0.34;
+const WIDTH: f64 = 0.4;
 
 /// Root mean square of the turns of a rim (their sines) that runs along the points, and of one that lies outside of them; between
 /// them the strip grows. Of independent points it is 0.2 to 0.5, 0.4 in the middle; of points on a circle 0.03.

@@ -39,8 +39,12 @@ pub struct Rules {
     pub smooth_noise: bool,
     /// Kernels are wider where points are farther apart in one direction than in the other.
     pub resolve_stretch: bool,
-    /// Cells of `voronoi` on rims that zigzag are extended to where the surface ends.
+    /// Cells on rims that zigzag are extended to where the surface ends.
     pub extend_rims: bool,
+    /// Kernels are wider around cells that are larger than the covering radius.
+    pub widen_kernels: bool,
+    /// Near rims the moment of a kernel along the rim is made right.
+    pub calibrate_rims: bool,
     /// Eigenvalues of `voronoi` get back what cells as large as they are lose of their modes.
     pub correct_resolution: bool,
 }
@@ -60,6 +64,8 @@ impl Default for Rules {
             smooth_noise: true,
             resolve_stretch: true,
             extend_rims: true,
+            widen_kernels: true,
+            calibrate_rims: true,
             correct_resolution: true,
         }
     }
@@ -289,6 +295,23 @@ fn widest_gap(points: &Points, frames: &Frames, i: usize, star: &[Spoke]) -> f64
         .fold(0.0, f64::max)
 }
 
+/// Ratio of the principal lengths of the offsets around a point whose star is closed.
+pub(crate) fn stretch_of(points: &Points, frames: &Frames, stars: &Stars, i: usize) -> Option<f64> {
+    let star = stars.of(i);
+    if star.is_empty() || star.iter().any(|spoke| !spoke.filled) {
+        return None;
+    }
+    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+    for spoke in star {
+        let [x, y] = frames.project::<2>(points, i, spoke.neighbor as usize);
+        xx += x * x;
+        xy += x * y;
+        yy += y * y;
+    }
+    let (mean, spread) = (0.5 * (xx + yy), (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt());
+    (mean > spread).then(|| ((mean + spread) / (mean - spread)).sqrt())
+}
+
 /// Median ratio of the principal lengths of the offsets around every point.
 fn stretch(
     points: &Points,
@@ -296,25 +319,10 @@ fn stretch(
     stars: &Stars,
     progress: &Progress,
 ) -> Result<f64, GeometryError> {
-    let mut ratios: Vec<f64> = (0..stars.len())
-        .into_par_iter()
-        .with_min_len(256)
-        .filter(|&i| stars.of(i).iter().all(|spoke| spoke.filled) && !stars.of(i).is_empty())
-        .filter_map(|i| {
-            if progress.is_canceled() {
-                return None;
-            }
-            let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-            for spoke in stars.of(i) {
-                let [x, y] = frames.project::<2>(points, i, spoke.neighbor as usize);
-                xx += x * x;
-                xy += x * y;
-                yy += y * y;
-            }
-            let (mean, spread) = (0.5 * (xx + yy), (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt());
-            (mean > spread).then(|| ((mean + spread) / (mean - spread)).sqrt())
-        })
-        .collect();
+    let of_point =
+        |i: usize| if progress.is_canceled() { None } else { stretch_of(points, frames, stars, i) };
+    let mut ratios: Vec<f64> =
+        (0..stars.len()).into_par_iter().with_min_len(256).filter_map(of_point).collect();
     progress.checkpoint()?;
     if ratios.is_empty() {
         return Ok(1.0);

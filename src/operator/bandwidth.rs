@@ -23,6 +23,9 @@ const SLOPE_MAX: f64 = 0.2;
 /// Rounds in which that is spread from neighbor to neighbor.
 const SPREAD_MAX: usize = 200;
 
+/// Cells that are larger than the covering radius by less than this share ask for nothing.
+const WIDER: f64 = 1.05;
+
 /// Quantile of the cells' radii that is the covering radius, as for the whole cloud.
 const COVERED: f64 = 0.99;
 
@@ -73,6 +76,28 @@ impl Bandwidth {
         let mean = lengths.iter().zip(&cells.volume).map(|(h, volume)| h * h * volume).sum::<f64>() / total;
         let relative = lengths.iter().map(|h| h * h / mean).collect();
         Self { relative, epsilon: covering * mean.sqrt() }
+    }
+
+    /// The same time everywhere, but longer where `lengths` (of [`coverage`](super::coverage)) are more than the covering radius, up
+    /// to `longest` times it.
+    #[must_use]
+    pub fn wide_enough(
+        points: &Points,
+        cells: &Cells,
+        walls: &Sparse,
+        lengths: &[f64],
+        epsilon: f64,
+        longest: f64,
+    ) -> Self {
+        if lengths.iter().all(|&length| length <= WIDER * epsilon) {
+            return Self::even(points.len(), epsilon);
+        }
+        let lengths =
+            lengths.iter().map(|length| length.clamp(epsilon, longest.max(1.0) * epsilon)).collect();
+        let lengths = graded(lengths, points, walls);
+        let total: f64 = cells.volume.iter().sum();
+        let mean = lengths.iter().zip(&cells.volume).map(|(h, volume)| h * h * volume).sum::<f64>() / total;
+        Self { relative: lengths.iter().map(|h| h * h / mean).collect(), epsilon: mean.sqrt() }
     }
 
     /// The same time everywhere.

@@ -5,12 +5,14 @@
 
 pub mod bandwidth;
 pub mod cotangent;
+pub mod coverage;
 pub mod graph;
 pub mod heat_kernel;
 mod kind;
 pub mod mesh;
 pub mod pb_mhb;
 pub mod pcd;
+pub mod rims;
 pub mod sheets;
 pub mod sparse;
 pub mod unfolding;
@@ -47,6 +49,8 @@ pub struct LaplaceBeltrami {
     pub heat_kernel: Option<HeatKernel>,
     /// The kernel's time at every point, where it is not the same everywhere.
     pub times: Option<Vec<f64>>,
+    /// Whether times follow the density of the points, beyond what large cells need.
+    pub follows_density: bool,
     /// `1/μ` at the upper end of the spectrum of an operator with long rows, which is flat there: t of a heat kernel.
     pub plateau: Option<f64>,
 }
@@ -62,6 +66,7 @@ impl LaplaceBeltrami {
             harmonic: None,
             heat_kernel: None,
             times: None,
+            follows_density: false,
             plateau: None,
         }
     }

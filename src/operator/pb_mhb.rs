@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::bandwidth::LocalKernel;
+use super::rims::Rims;
 use super::sheets::Sheets;
 use super::unfolding::Atlas;
 use super::{HeatKernel, LaplaceBeltrami, Sparse};
@@ -84,8 +85,8 @@ pub enum Coupling<'a> {
 }
 
 /// Assembles the operator: mass `a_i`, stiffness `s_ij = −a_i a_j · factor · exp(−d_ij²/4t)` for `d_ij ≤ δ`
-/// [PBMHB eq. 3.5–3.7], zero row sums; with `calibrate` scaled on both sides by positive numbers (see
-/// `calibration`).
+/// [PBMHB eq. 3.5–3.7], zero row sums; if `calibrated` scaled on both sides by positive numbers (see
+/// `calibration`), with the moments that rims leave.
 ///
 /// # Errors
 /// [`Canceled`].
@@ -95,7 +96,7 @@ pub fn build(
     cells: &Cells,
     coupling: &Coupling<'_>,
     local: LocalKernel<'_>,
-    calibrate: bool,
+    calibrated: Option<&Rims>,
     progress: &Progress,
 ) -> Result<LaplaceBeltrami, Canceled> {
     let kernel = local.mean;
@@ -117,8 +118,10 @@ pub fn build(
         .collect();
     // exponentials are dear: they are taken once
     let gaussian = gaussian(&stiffness, &narrowness);
-    if calibrate {
-        let scale = calibration(&stiffness, &gaussian, &cells.volume, &weights, kernel.dimension, progress)?;
+    if let Some(rims) = calibrated {
+        let mut moments = rims.moments(&stiffness, &times);
+        moments.iter_mut().zip(&cells.volume).for_each(|(moment, area)| *moment *= area);
+        let scale = calibration(&stiffness, &gaussian, &moments, &weights, kernel.dimension, progress)?;
         weights.iter_mut().zip(scale).for_each(|(weight, scale)| *weight *= scale);
     }
     let offsets = stiffness.offsets().to_vec();
@@ -212,7 +215,7 @@ fn in_ball(
 }
 
 /// Positive numbers s with which `s_i s_j q_ij` has the second moment of the heat kernel around every point:
-/// `Σ_j s_i s_j q_ij d_ij² = 2k·a_i`, the diagonal of the carré du champ of the coordinates (k the intrinsic dimension);
+/// `Σ_j s_i s_j q_ij d_ij² = 2k·m_i`, with `m_i` the area `a_i` or, near rims, the share of it that [`Rims::moments`] says: the diagonal of the carré du champ of the coordinates (k the intrinsic dimension);
 /// `q_ij` are the products of the `weights` of both ends with the entries of `gaussian`.
 ///
 /// Ours. A lattice that is coarse for the Gaussian, uneven sampling, and rims, beyond which there are no points, each
@@ -221,7 +224,7 @@ fn in_ball(
 fn calibration(
     squared_distances: &Sparse,
     gaussian: &[f64],
-    areas: &[f64],
+    moments: &[f64],
     weights: &[f64],
     dimension: usize,
     progress: &Progress,
@@ -229,20 +232,20 @@ fn calibration(
     let offsets = squared_distances.offsets();
     let target = 2.0 * dimension as f64;
     let mut scaled = weights.to_vec();
-    let mut scale = vec![1.0; areas.len()];
+    let mut scale = vec![1.0; moments.len()];
     for round in 0..ROUNDS {
         progress.advance(0.7 + 0.3 * round as f64 / ROUNDS as f64)?;
-        let next = (0..areas.len()).into_par_iter().with_min_len(512).map(|i| {
+        let next = (0..moments.len()).into_par_iter().with_min_len(512).map(|i| {
             let (columns, squared) = squared_distances.row(i);
-            let moment: f64 = columns
+            let found: f64 = columns
                 .iter()
                 .zip(squared)
                 .zip(&gaussian[offsets[i]..offsets[i + 1]])
                 .map(|((&j, &squared), gaussian)| scaled[j as usize] * gaussian * squared)
                 .sum();
-            let missing = target * areas[i] / (scaled[i] * moment);
+            let missing = target * moments[i] / (scaled[i] * found);
             // nothing is known of a point without neighbors
-            let missing = if moment > 0.0 { missing.clamp(1.0 / CHANGE_MAX, CHANGE_MAX) } else { 1.0 };
+            let missing = if found > 0.0 { missing.clamp(1.0 / CHANGE_MAX, CHANGE_MAX) } else { 1.0 };
             scale[i] * missing.sqrt()
         });
         scale = next.collect();

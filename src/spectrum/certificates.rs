@@ -116,9 +116,15 @@ pub fn orthogonality(vectors: &Block, progress: &Progress) -> Result<f64, Cancel
 /// Ranges `[first, last]` of consecutive values closer than 10⁻⁶, relative to value plus `shift`.
 #[must_use]
 pub fn clusters(values: &[f64], shift: f64) -> Vec<[usize; 2]> {
+    clusters_within(values, shift, CLUSTER_GAP)
+}
+
+/// Ranges `[first, last]` of consecutive values closer than `gap`, relative to value plus `shift`.
+#[must_use]
+pub fn clusters_within(values: &[f64], shift: f64, gap: f64) -> Vec<[usize; 2]> {
     let mut found: Vec<[usize; 2]> = Vec::new();
     for (i, pair) in values.windows(2).enumerate() {
-        if pair[1] - pair[0] <= CLUSTER_GAP * (pair[1].abs() + shift) {
+        if pair[1] - pair[0] <= gap * (pair[1].abs() + shift) {
             match found.last_mut() {
                 Some(last) if last[1] == i => last[1] = i + 1,
                 _ => found.push([i, i + 1]),

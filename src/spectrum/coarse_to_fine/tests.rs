@@ -9,6 +9,7 @@ use crate::geometry::survey::{Rules, Survey};
 use crate::geometry::{NearestNeighbors, Points, SearchTree, frames};
 use crate::operator::bandwidth::Bandwidth;
 use crate::operator::pb_mhb::{self, Coupling};
+use crate::operator::rims::Rims;
 use crate::operator::{HeatKernel, LaplaceBeltrami, voronoi};
 use crate::progress::Canceled;
 use crate::spectrum::vectors::block::gram;
@@ -49,7 +50,15 @@ impl Surface {
             Some(kernel) => {
                 let even = Bandwidth::even(points.len(), 1.0);
                 let local = even.of_kernel(kernel);
-                let built = pb_mhb::build(&points, &tree, &cells, &Coupling::Ball, local, true, &progress);
+                let built = pb_mhb::build(
+                    &points,
+                    &tree,
+                    &cells,
+                    &Coupling::Ball,
+                    local,
+                    Some(&Rims::default()),
+                    &progress,
+                );
                 let mut narrow = walls;
                 narrow.scale_both_sides(&inverse);
                 (built.unwrap(), Some(narrow))
