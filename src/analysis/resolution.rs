@@ -143,4 +143,19 @@ mod tests {
             assert!((found - expected).abs() < 1e-15, "{squared:?}: {found} {expected}");
         }
     }
+    #[test]
+    fn modes_that_may_mix_lack_the_same() {
+        let resolution = Resolution { links: vec![([0, 1], 0.01), ([1, 2], 0.02)] };
+        let modes = [[0.5, 0.0, 1.0], [0.5, 1.0, 0.0], [0.5, 0.0, 0.0]];
+        let row = |i: usize, y: &mut [f64]| y.copy_from_slice(&modes[i]);
+        let corrected = |clusters: &[[usize; 2]]| {
+            resolution.corrected(&[0.0, 2.0, 2.0], clusters, &[0.5; 3], row, &Progress::new()).unwrap()
+        };
+        // by hand: 4·(0.01 + 0.02) and 4·0.01 of each
+        let near = |found: Vec<f64>, expected: [f64; 3]| {
+            found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6)
+        };
+        assert!(near(corrected(&[]), [0.0, 2.08, 2.24]));
+        assert!(near(corrected(&[[1, 2]]), [0.0, 2.16, 2.16]));
+    }
 }

@@ -13,7 +13,9 @@ use super::cells::{CellKind, Cells};
 use super::points::Points;
 use super::stars::Stars;
 
-/// Width of the strip over the root of a point's area, along a line that zigzags and is longer than the rim.
+/// Width of the strip over the root of a point's area, along a line that zigzags and is longer than the rim. With 0.34, 0.4, 0.42 and
+/// 0.5 the mean error of 29 corrected eigenvalues is 1.0, 0.7, 0.5 and 0.1 % on a square of 4,000 independent points, 0.2, −0.2, −0.4 and
+/// −1.0 % on a disk.
 const WIDTH: f64 = 0.4;
 
 /// Root mean square of the turns of a rim (their sines) that runs along the points, and of one that lies outside of them; between

@@ -369,6 +369,29 @@ mod tests {
     }
 
     #[test]
+    fn times_are_longer_around_the_cells_that_ask_for_it_alone() {
+        let rows: Vec<[f64; 3]> = (0..400).map(|i| [f64::from(i % 20), f64::from(i / 20), 0.0]).collect();
+        let (points, _, stars) = stars_of(&rows);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
+        let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
+        let lengths = |length: f64| {
+            let mut lengths = vec![0.7; rows.len()];
+            lengths[points.of_row(210).unwrap()] = length;
+            let found = Bandwidth::wide_enough(&points, &cells, &walls, &lengths, 0.7, 3.0);
+            let places: Vec<usize> = (0..rows.len()).map(|row| points.of_row(row).unwrap()).collect();
+            move |row: usize| found.epsilon * found.relative[places[row]].sqrt()
+        };
+        let even = lengths(0.73);
+        assert!([210, 211, 399].into_iter().all(|row| even(row) == 0.7));
+        let wide = lengths(1.4);
+        for (row, expected) in [(210, 1.4), (211, 1.2), (213, 0.8), (399, 0.7)] {
+            assert!((wide(row) - expected).abs() < 1e-9, "{row}: {}", wide(row));
+        }
+        let too_wide = lengths(7.0);
+        assert!((too_wide(210) - 2.1).abs() < 1e-9);
+    }
+
+    #[test]
     fn a_cell_that_could_not_be_measured_has_a_time_too() {
         let rows: Vec<[f64; 3]> = (0..100).map(|i| [f64::from(i % 10), f64::from(i / 10), 0.0]).collect();
         let (points, _, stars) = stars_of(&rows);

@@ -57,3 +57,33 @@ fn stretches(points: &Points, frames: &Frames, stars: &Stars, walls: &Sparse) ->
     }
     logarithms.into_iter().map(f64::exp).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::stars::tests::stars_of;
+    use crate::operator::voronoi;
+    use crate::progress::Progress;
+
+    /// Lengths around the middle of a lattice of 20 × 20 points, so far apart, with a factor of 0.4.
+    fn of_lattice(apart: [f64; 2], by_stretch: bool) -> f64 {
+        let rows: Vec<[f64; 3]> =
+            (0..400).map(|i| [apart[0] * f64::from(i % 20), apart[1] * f64::from(i / 20), 0.0]).collect();
+        let (points, frames, stars) = stars_of(&rows);
+        let cells = stars.cells(&points, &Progress::new()).unwrap();
+        let walls = voronoi::stiffness(&cells, &Progress::new()).unwrap();
+        let lengths = lengths(&points, &frames, &stars, &cells, &walls, 0.4, by_stretch);
+        assert!(lengths[points.of_row(0).unwrap()] == 0.0, "a rim tells nothing");
+        lengths[points.of_row(210).unwrap()]
+    }
+
+    #[test]
+    fn lengths_are_the_radii_of_cells_and_longer_where_points_are_stretched() {
+        assert!((of_lattice([1.0, 1.0], true) - 0.5_f64.sqrt()).abs() < 1e-9);
+        let radius = 0.5 * 10.0_f64.sqrt();
+        assert!((of_lattice([3.0, 1.0], false) - radius).abs() < 1e-9);
+        // the time is twice as long
+        let longer = of_lattice([3.0, 1.0], true) / (radius * 2.0_f64.sqrt());
+        assert!((longer - 1.0).abs() < 1e-9, "{longer}");
+    }
+}
