@@ -49,6 +49,9 @@ const COMPONENT_MIN: usize = POINTS_MIN;
 /// Largest residual, in the dual norm, of bases that come of a thinned sample: eigenvalues are at most about 5 % off.
 const PROLONGED_MAX: f64 = 0.05;
 
+/// Modes whose eigenvalues are nearer than so many tolerances may be mixtures of each other.
+const MIXED: f64 = 10.0;
+
 /// Runs all stages on the calling thread and the current rayon pool.
 ///
 /// # Errors
@@ -216,7 +219,8 @@ fn eigenpairs(
     };
     let lambdas: Vec<f64> = match (resolution, times, corrected) {
         (Some(resolution), ..) => {
-            let mixed = certificates::clusters_within(&raw, problem.shift, parameters.tolerance);
+            let gap = MIXED * parameters.tolerance;
+            let mixed = certificates::clusters_within(&raw, problem.shift, gap);
             resolution.corrected(&raw, &mixed, &problem.root_mass, row, progress)?
         }
         (None, Some(times), Some(_)) => {

@@ -19,7 +19,7 @@ const PART: usize = 16_384;
 /// What the eigenvalues of a triangulated surface lack, as a quadratic form of differences between points.
 pub(super) struct Resolution {
     /// Pairs of points with the weight of their squared difference, in length².
-    links: Vec<([u32; 2], f32)>,
+    links: Vec<([u32; 2], f64)>,
 }
 
 impl Resolution {
@@ -36,7 +36,7 @@ impl Resolution {
                 // the other end names the link where it sees it too
                 (i < q || back.is_none()).then(|| {
                     let seen_back = back.map_or(0.0, |k| beside(points, stars, q, k));
-                    ([i as u32, q as u32], (beside(points, stars, i, k) + seen_back) as f32)
+                    ([i as u32, q as u32], (beside(points, stars, i, k) + seen_back))
                 })
             })
         };
@@ -74,7 +74,7 @@ impl Resolution {
             row(point as usize, values);
             values.iter_mut().for_each(|value| *value /= root_mass[point as usize]);
         };
-        let of_part = |part: &[([u32; 2], f32)]| {
+        let of_part = |part: &[([u32; 2], f64)]| {
             let (mut sums, mut a, mut b) = (vec![0.0; modes], vec![0.0; modes], vec![0.0; modes]);
             let mut last = None;
             for &([p, q], weight) in part.iter().take_while(|_| !progress.is_canceled()) {
@@ -84,7 +84,7 @@ impl Resolution {
                 }
                 values(q, &mut b);
                 for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(&b)) {
-                    *sum += f64::from(weight) * (a - b) * (a - b);
+                    *sum += weight * (a - b) * (a - b);
                 }
             }
             sums

@@ -23,8 +23,8 @@ const SLOPE_MAX: f64 = 0.2;
 /// Rounds in which that is spread from neighbor to neighbor.
 const SPREAD_MAX: usize = 200;
 
-/// Cells that are larger than the covering radius by less than this share ask for nothing.
-const WIDER: f64 = 1.05;
+/// Cells that are larger than the covering radius by at most this share ask for nothing, where none are larger.
+const WIDER: f64 = 0.25;
 
 /// Quantile of the cells' radii that is the covering radius, as for the whole cloud.
 const COVERED: f64 = 0.99;
@@ -89,7 +89,7 @@ impl Bandwidth {
         epsilon: f64,
         longest: f64,
     ) -> Self {
-        if lengths.iter().all(|&length| length <= WIDER * epsilon) {
+        if lengths.iter().all(|&length| length <= (1.0 + WIDER) * epsilon) {
             return Self::even(points.len(), epsilon);
         }
         let lengths =
@@ -381,7 +381,7 @@ mod tests {
             let places: Vec<usize> = (0..rows.len()).map(|row| points.of_row(row).unwrap()).collect();
             move |row: usize| found.epsilon * found.relative[places[row]].sqrt()
         };
-        let even = lengths(0.73);
+        let even = lengths(0.8);
         assert!([210, 211, 399].into_iter().all(|row| even(row) == 0.7));
         let wide = lengths(1.4);
         for (row, expected) in [(210, 1.4), (211, 1.2), (213, 0.8), (399, 0.7)] {

@@ -49,8 +49,9 @@ fn fifty_equal_components_and_outliers(#[case] kind: OperatorKind) {
     let analysis = certified(&cloud(3, points), &parameters(kind, 220));
     let report = &analysis.report;
     assert_eq!((report.components, report.isolated, report.points_used), (50, 7, 3_000));
-    let single = eigenvalues(&eigen(&cloud(3, one), &parameters(kind, 6)));
-    let found = eigenvalues(&analysis);
+    // what λ of `voronoi` has beside μ may change the order of modes, of which the last ones are not all asked for
+    let single = eigen(&cloud(3, one), &parameters(kind, 6)).report.spectrum.unwrap().raw_eigenvalues;
+    let found = &report.spectrum.as_ref().unwrap().raw_eigenvalues;
     assert_eq!(found.iter().filter(|value| value.abs() < 1e-9).count(), 50);
     for (j, value) in found[50..].iter().enumerate() {
         // the first three non-zero eigenvalues of one sphere, then those of degree two
