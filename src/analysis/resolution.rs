@@ -72,7 +72,9 @@ impl Resolution {
         let modes = mu.len();
         let values = |point: u32, values: &mut [f64]| {
             row(point as usize, values);
-            values.iter_mut().for_each(|value| *value /= root_mass[point as usize]);
+            for value in values.iter_mut() {
+                *value /= root_mass[point as usize];
+            }
         };
         let of_part = |part: &[([u32; 2], f64)]| {
             let (mut sums, mut a, mut b) = (vec![0.0; modes], vec![0.0; modes], vec![0.0; modes]);
