@@ -314,14 +314,23 @@ fn kernels_reach_beyond_the_cells_of_a_sparse_part() {
     let all = fibonacci_sphere(8_000);
     let kept = all.chunks_exact(3).enumerate().filter(|(i, p)| p[2] < 0.92 || i % 9 == 0);
     let points: Vec<f64> = kept.flat_map(|(_, p)| p.to_vec()).collect();
-    let [without, with] = [false, true].map(|widen_kernels| {
+    let analyzed = |widen_kernels, parameters: &Parameters| {
         let rules = Rules { widen_kernels, ..Rules::default() };
-        let parameters = parameters(PbMhb, 30);
-        let found =
-            analyze_by(rules, &cloud(3, points.clone()), JobKind::Eigen, &parameters, &Progress::new());
-        let found = found.unwrap();
-        assert!(!found.report.additions.local_bandwidth);
-        worst_error(&eigenvalues(&found), &sphere(4))
-    });
-    assert!(with < 0.8 * without, "{without} {with}");
+        analyze_by(rules, &cloud(3, points.clone()), JobKind::Eigen, parameters, &Progress::new()).unwrap()
+    };
+    let asked = parameters(PbMhb, 30);
+    let [without, with] = [false, true].map(|widen_kernels| analyzed(widen_kernels, &asked));
+    let [narrow, wide] = [&without, &with].map(|found| worst_error(&eigenvalues(found), &sphere(4)));
+    assert!(wide < 0.8 * narrow, "{narrow} {wide}");
+    assert!(with.report.neighbors <= 2.1 * without.report.neighbors, "{}", with.report.neighbors);
+    let told = [&without, &with].map(|found| found.report.additions);
+    assert!(told.iter().all(|additions| !additions.local_bandwidth));
+    assert_eq!(told.map(|additions| additions.wide_kernels), [false, true]);
+    // the parameters that the report calls used make the same of it again
+    let again = analyzed(true, &asked.as_used(&with.report));
+    assert_eq!(eigenvalues(&again), eigenvalues(&with));
+    // a cut-off that was chosen is that of all points
+    let delta = with.report.heat_kernel.map(|kernel| kernel.delta);
+    let chosen = analyzed(true, &Parameters { delta, ..asked });
+    assert!(!chosen.report.additions.wide_kernels);
 }

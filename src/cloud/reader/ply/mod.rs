@@ -7,7 +7,7 @@
 //! The header is parsed here and not by ply-rs-bw 4.0.1, which refuses property names that CloudCompare writes
 //! (`scalar_Scalar_field_#2`), lets a repeated property replace the first, so that every later byte is read in
 //! the wrong place, and wants comments in UTF-8. Its payload reader builds a map per vertex: 4 MB/s, where slices
-//! decoded column by column give 450 MB/s (2 busy cores, millions of vertices with three floats). The tests hold
+//! decoded column by column give gigabytes a second (two cores, millions of vertices with three floats). The tests hold
 //! both readers against each other.
 
 mod ascii;
